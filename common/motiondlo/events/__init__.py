@@ -1,0 +1,1 @@
+"""Event camera data: the one event dtype, decoders, batches on a fixed time grid, triggers, clocks."""

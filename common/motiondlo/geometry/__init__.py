@@ -1,0 +1,1 @@
+"""Plane geometry shared by all branches: curves and homographies."""

@@ -1,0 +1,1 @@
+"""The daemons of a MotionDLO cell: one folder each (``core.py``, ``daemon.py``, ``config.py``)."""
