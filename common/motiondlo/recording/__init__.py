@@ -1,0 +1,1 @@
+"""Recordings on disk: the layout that users have, and what is wrong with a given one."""
