@@ -1,0 +1,237 @@
+"""Fusion's core: track updates and segmentations in; the state, requests for frames, and corrections out.
+
+No clock, no bus: every time comes in with the data (event microseconds).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from motiondlo.frames.types import Appearance, EndKind, Instance, Segmentation
+from motiondlo.fusion.association import associate, curve_distance, same_direction
+from motiondlo.fusion.history import TrackHistory
+from motiondlo.fusion.mode import ModeMachine
+from motiondlo.fusion.params import FusionParams
+from motiondlo.fusion.requests import RequestPlanner
+from motiondlo.fusion.state import FrameRequest, FusedState, Mode, fused_dlo
+from motiondlo.tracking.types import Correction, CorrectionKind, TrackState, TrackUpdate
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass
+class _Known:
+    """What fusion remembers of a DLO besides its track."""
+
+    state: TrackState | None = None
+    appearance: Appearance | None = None
+    ends: tuple[EndKind, EndKind] = (EndKind.UNKNOWN, EndKind.UNKNOWN)
+    missed: int = 0
+
+
+class FusionCore:
+    """Knows the DLOs of the scene by id and keeps the tracker honest with the frame branch's shapes.
+
+    Ids start at 0, grow, and are never used again. ``first_seq`` is the first correction's sequence number; a restarted
+    process passes a larger one than it ever used, so that the tracker does not take its corrections for repeats.
+    """
+
+    def __init__(self, params: FusionParams, first_seq: int = 0) -> None:
+        self._params = params
+        self._mode = ModeMachine(params)
+        self._requests = RequestPlanner(params)
+        self._history = TrackHistory(int(params.history_s * 1e6), int(params.history_step_ms * 1000))
+        self._known: dict[int, _Known] = {}
+        self._newborn: list[tuple[FloatArray, int]] = []
+        self._next_id = 0
+        self._seq = first_seq
+        self._last_segmented_us: int | None = None
+        self._due: list[Correction] = []
+        self._retired: set[int] = set()
+        self._now_us = -1
+        self.degraded_reason = ""
+
+    # -- track updates ------------------------------------------------------------------------------------------------
+
+    def on_track(self, update: TrackUpdate) -> FusedState:
+        """Take the tracker's newest update; the state at its time."""
+        self._now_us = update.t_us
+        self._adopt(update)
+        rested = self._mode.advance(update.t_us, bool(update.tracks), any(track.moving for track in update.tracks))
+        self._history.add(update.t_us, update.tracks)
+        self._plan(update, rested)
+        mode = self._mode.scene
+        self.degraded_reason = self._why_degraded(update)
+        if self.degraded_reason and mode != Mode.BOOT:
+            mode = Mode.DEGRADED
+        return FusedState(update.t_us, update.t_events_us, mode, tuple(fused_dlo(track) for track in update.tracks))
+
+    def _adopt(self, update: TrackUpdate) -> None:
+        """Learn the tracker's DLOs (also after a restart of fusion), and give back those that a new tracker lacks."""
+        alive = {track.id for track in update.tracks}
+        for track in update.tracks:
+            if track.id in self._retired:
+                continue  # still on its way when it was retired
+            self._known.setdefault(track.id, _Known()).state = track
+            self._next_id = max(self._next_id, track.id + 1)
+        for dlo_id, known in self._known.items():
+            if dlo_id in alive or known.state is None:
+                continue
+            self._due.append(self._restored(dlo_id, known, known.state, update.t_us))
+            known.state = None
+
+    def _restored(self, dlo_id: int, known: _Known, state: TrackState, now_us: int) -> Correction:
+        sigma = np.sqrt(np.maximum(state.cov_px2[:, 0] + state.cov_px2[:, 2], 1.0))
+        return self._correction(
+            dlo_id, now_us, CorrectionKind.REINITIALISE, state.nodes, sigma, sigma, state.diameter_px, known
+        )
+
+    def _plan(self, update: TrackUpdate, rested: bool) -> None:
+        if self._mode.scene == Mode.BOOT:
+            if self._requests.idle:
+                self._requests.want("boot", update.t_us)
+        elif rested:
+            self._requests.want("came_to_rest", update.t_us)
+        elif self._mode.scene == Mode.STATIC and self._requests.idle:
+            last = self._last_segmented_us
+            if last is None or update.t_us - last >= self._params.refresh_static_s * 1e6:
+                self._requests.want("refresh", update.t_us)
+
+    def _why_degraded(self, update: TrackUpdate) -> str:
+        if self._requests.failures_in_a_row >= self._params.degraded_after_failures:
+            return f"segmentation failed {self._requests.failures_in_a_row} times in a row"
+        weak = [track.id for track in update.tracks if track.confidence < self._params.degraded_confidence]
+        return f"low confidence of DLO {', '.join(map(str, weak))}" if weak else ""
+
+    def frame_request(self) -> FrameRequest | None:
+        """The request for a segmentation to send now, if one is due; once returned, it counts as under way.
+
+        Before the first track update this asks for the first frame that there is.
+        """
+        if self._now_us < 0 and self._requests.idle:
+            self._requests.want("boot", -1)
+        return self._requests.due(self._now_us)
+
+    def corrections_due(self) -> tuple[Correction, ...]:
+        """Corrections that a track update gave rise to (a tracker that was restarted gets its DLOs back); drained."""
+        due, self._due = tuple(self._due), []
+        return due
+
+    # -- segmentations ------------------------------------------------------------------------------------------------
+
+    def on_segmentation(self, seg: Segmentation, now_us: int) -> tuple[Correction, ...]:
+        """Take the segmentation of the frame taken at ``seg.t_us``, arriving at ``now_us``; corrections for the tracker."""
+        usable = [i for i in seg.instances if i.nodes_event is not None and len(i.nodes_event) >= 2]
+        self._requests.arrived(not seg.failure and bool(usable), now_us)
+        if seg.failure or not usable:
+            return ()
+        self._last_segmented_us = max(seg.t_us, now_us)
+        curves = [np.asarray(i.nodes_event, dtype=np.float64) for i in usable]
+        tracks = self._history.at(seg.t_us)
+        if tracks is None and self._known:
+            return ()  # older than what is remembered: nothing to compare it with
+        tracks = tracks or ()
+        corrections: list[Correction] = []
+        first = not self._known
+        matches = {m.instance: m for m in associate(curves, tracks, self._params.match_max_px)}
+        for k, (instance, curve) in enumerate(zip(usable, curves, strict=True)):
+            match = matches.get(k)
+            if match is not None:
+                corrections.append(self._matched(instance, curve, tracks[match.track], match.distance_px, seg.t_us))
+            elif instance.score >= self._params.birth_score and (first or self._is_confirmed(curve)):
+                corrections.append(self._born(instance, curve, seg.t_us))
+        self._newborn = [(curve, self._seen_before(curve) + 1) for k, curve in enumerate(curves) if k not in matches]
+        corrections += self._deaths({tracks[m.track].id for m in matches.values()}, tracks, now_us)
+        return tuple(corrections)
+
+    def _matched(
+        self, instance: Instance, curve: FloatArray, track: TrackState, distance_px: float, t_us: int
+    ) -> Correction:
+        known = self._known.setdefault(track.id, _Known())
+        known.missed = 0
+        forward = same_direction(curve, track.nodes)
+        if instance.appearance is not None and forward:
+            known.appearance, known.ends = instance.appearance, instance.ends
+        ends = instance.ends if forward else (instance.ends[1], instance.ends[0])
+        sigma = float(np.sqrt(np.median(track.cov_px2[:, 0] + track.cov_px2[:, 2])))
+        lost = distance_px > max(self._params.reinitialise_min_px, 3.0 * sigma) or track.confidence <= 0.0
+        normal = np.hypot(instance.sigma_px, self._params.homography_sigma_px)
+        return self._correction(
+            track.id,
+            t_us,
+            CorrectionKind.REINITIALISE if lost else CorrectionKind.BLEND,
+            curve if forward else curve[::-1].copy(),
+            normal if forward else normal[::-1].copy(),
+            self._tangent_sigma(ends, len(curve)),
+            instance.diameter_px,
+            _Known(appearance=instance.appearance if forward else None, ends=ends),
+        )
+
+    def _seen_before(self, curve: FloatArray) -> int:
+        """In how many segmentations in a row, up to the last one, this curve was already there without a track."""
+        near = [n for other, n in self._newborn if curve_distance(curve, other) <= self._params.match_max_px / 4]
+        return max(near, default=0)
+
+    def _is_confirmed(self, curve: FloatArray) -> bool:
+        return self._seen_before(curve) + 1 >= self._params.birth_confirmations
+
+    def _born(self, instance: Instance, curve: FloatArray, t_us: int) -> Correction:
+        dlo_id, self._next_id = self._next_id, self._next_id + 1
+        known = _Known(appearance=instance.appearance, ends=instance.ends)
+        self._known[dlo_id] = known
+        normal = np.hypot(instance.sigma_px, self._params.homography_sigma_px)
+        tangent = self._tangent_sigma(instance.ends, len(curve))
+        return self._correction(
+            dlo_id, t_us, CorrectionKind.REINITIALISE, curve, normal, tangent, instance.diameter_px, known
+        )
+
+    def _deaths(self, seen: set[int], tracks: tuple[TrackState, ...], now_us: int) -> list[Correction]:
+        retired = []
+        for track in tracks:
+            known = self._known.get(track.id)
+            if track.id in seen or known is None:
+                continue
+            known.missed += 1
+            if known.missed >= self._params.death_confirmations and track.confidence < self._params.degraded_confidence:
+                del self._known[track.id]
+                self._retired.add(track.id)
+                none = np.zeros(0)
+                retired.append(
+                    self._correction(
+                        track.id, now_us, CorrectionKind.RETIRE, np.zeros((0, 2)), none, none, 0.0, _Known()
+                    )
+                )
+        return retired
+
+    def _tangent_sigma(self, ends: tuple[EndKind, EndKind], count: int) -> FloatArray:
+        """(M,) px: a seen end fixes the curve along itself; without one it may slide by several diameters."""
+        fixed = any(end in (EndKind.TIP, EndKind.HELD) for end in ends)
+        return np.full(count, self._params.tangent_sigma_px * (1.0 if fixed else 10.0))
+
+    def _correction(
+        self,
+        dlo_id: int,
+        t_us: int,
+        kind: CorrectionKind,
+        nodes: FloatArray,
+        sigma_normal_px: FloatArray,
+        sigma_tangent_px: FloatArray,
+        diameter_px: float,
+        known: _Known,
+    ) -> Correction:
+        self._seq += 1
+        return Correction(
+            seq=self._seq,
+            id=dlo_id,
+            t_us=t_us,
+            kind=kind,
+            nodes=nodes,
+            sigma_normal_px=sigma_normal_px,
+            sigma_tangent_px=sigma_tangent_px,
+            diameter_px=diameter_px,
+            ends=known.ends,
+            appearance=known.appearance,
+        )
