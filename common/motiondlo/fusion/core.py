@@ -123,7 +123,7 @@ class FusionCore:
     # -- segmentations ------------------------------------------------------------------------------------------------
 
     def on_segmentation(self, seg: Segmentation, now_us: int) -> tuple[Correction, ...]:
-        """Take the segmentation of the frame taken at ``seg.t_us``, arriving at ``now_us``; corrections for the tracker."""
+        """Take the segmentation of the frame of ``seg.t_us``, arriving at ``now_us``; corrections for the tracker."""
         usable = [i for i in seg.instances if i.nodes_event is not None and len(i.nodes_event) >= 2]
         self._requests.arrived(not seg.failure and bool(usable), now_us)
         if seg.failure or not usable:
@@ -234,4 +234,5 @@ class FusionCore:
             diameter_px=diameter_px,
             ends=known.ends,
             appearance=known.appearance,
+            not_before_us=-1 if self._now_us < 0 else self._now_us + int(self._params.lead_ms * 1000),
         )

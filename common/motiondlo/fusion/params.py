@@ -42,6 +42,13 @@ class FusionParams(BaseModel):
         le=1000.0,
         description="a matched track that is farther off than this and than its own uncertainty is started anew",
     )
+    lead_ms: float = Field(
+        default=10.0,
+        ge=0.0,
+        le=1000.0,
+        description="a correction takes effect this long (event time) after it was decided, so that transport does not "
+        "decide when: a replay gives what the offline run gives",
+    )
     homography_sigma_px: float = Field(
         default=1.0, ge=0.0, le=100.0, description="error of the homography, added to a frame shape's uncertainty"
     )

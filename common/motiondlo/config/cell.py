@@ -1,0 +1,124 @@
+"""Sections of a cell's configuration that several daemons read: the cell itself, calibration, replay."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field
+
+from motiondlo.config.loader import load_section
+from motiondlo.errors import CalibrationError, ConfigError
+from motiondlo.events.types import SensorGeometry
+from motiondlo.geometry.homography import FloatArray, load_homography
+from motiondlo.recording.layout import Recording, open_recording, read_image
+
+
+class CellSection(BaseModel):
+    """``[cell]``: what this cell is called and how its daemons are scheduled."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    name: str = Field(
+        default="cell", pattern=r"^[a-z0-9][a-z0-9_-]{0,31}$", description="part of every topic: motiondlo/<name>/..."
+    )
+    realtime: bool = Field(default=True, description="use SCHED_FIFO and locked memory where the machine permits it")
+
+
+class CalibrationSection(BaseModel):
+    """``[calibration]``: how the cameras see the work plane. In a replay the recording's own files are the default."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    event_from_rgb: str = Field(default="", description="3x3 homography from RGB to event pixels (.npy)")
+    background: str = Field(default="", description="RGB picture of the empty board")
+    px_per_mm: float = Field(
+        default=0.0, ge=0.0, le=1000.0, description="event px per mm on the work plane; 0: unknown"
+    )
+    sensor_width_px: int = Field(default=1280, ge=16, le=8192, description="width of the event sensor")
+    sensor_height_px: int = Field(default=720, ge=16, le=8192, description="height of the event sensor")
+
+
+class ReplaySection(BaseModel):
+    """``[replay]``: play a recording instead of cameras."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    recording: str = Field(default="", description="folder of the recording; empty: a live cell")
+    speed: float = Field(default=1.0, ge=0.0, le=100.0, description="1 is real time; 0 as fast as possible")
+    wait_for_tracker_s: float = Field(
+        default=60.0,
+        ge=0.0,
+        le=600.0,
+        description="hold the first event until the tracker knows its DLOs, at most this long",
+    )
+    segmenter_latency_ms: float = Field(
+        default=1000.0,
+        ge=0.0,
+        le=60000.0,
+        description="a segmentation is used this long after its request (event time), as in `motiondlo track`; 0: at once",
+    )
+
+
+@dataclass(frozen=True)
+class Cell:
+    """The shared sections of one configuration file, with paths resolved against the file's folder."""
+
+    path: Path
+    cell: CellSection
+    calibration: CalibrationSection
+    replay: ReplaySection
+
+    @property
+    def geometry(self) -> SensorGeometry:
+        """Size of the event sensor."""
+        return SensorGeometry(self.calibration.sensor_width_px, self.calibration.sensor_height_px)
+
+    def resolve(self, name: str) -> Path:
+        """A path of the configuration; relative ones start at the configuration file's folder."""
+        return (self.path.parent / Path(name).expanduser()).resolve()
+
+    def recording(self) -> Recording | None:
+        """The recording to replay, or None for a live cell. Raises RecordingError when it cannot be opened."""
+        return open_recording(self.resolve(self.replay.recording)) if self.replay.recording else None
+
+    def event_from_rgb(self) -> FloatArray:
+        """The cell's homography. Raises CalibrationError or ConfigError when there is none that can be used."""
+        if self.calibration.event_from_rgb:
+            return load_homography(self.resolve(self.calibration.event_from_rgb))
+        recording = self.recording()
+        if recording is None:
+            raise ConfigError(
+                f"{self.path}: [calibration] event_from_rgb is empty.", "Give the homography of the cell's cameras."
+            )
+        return recording.event_from_rgb()
+
+    def background(self) -> npt.NDArray[np.uint8] | None:
+        """The picture of the empty board, or None. Raises CalibrationError when a named one is unreadable."""
+        if self.calibration.background:
+            path = self.resolve(self.calibration.background)
+            image = read_image(path)
+            if image is None:
+                raise CalibrationError(f"{path}: no readable picture.", "Take a picture of the empty board again.")
+            return image
+        recording = self.recording()
+        return None if recording is None else recording.background()
+
+    def px_per_mm(self) -> float | None:
+        """Scale of the work plane, if it is known."""
+        if self.calibration.px_per_mm > 0:
+            return self.calibration.px_per_mm
+        recording = self.recording()
+        return None if recording is None else recording.camera_info.px_per_mm
+
+
+def load_cell(path: Path) -> Cell:
+    """Read the shared sections. Raises ConfigError naming file, field, value and bound."""
+    return Cell(
+        path=path.resolve(),
+        cell=load_section(path, "cell", CellSection),
+        calibration=load_section(path, "calibration", CalibrationSection),
+        replay=load_section(path, "replay", ReplaySection),
+    )

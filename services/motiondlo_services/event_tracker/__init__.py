@@ -1,0 +1,1 @@
+"""The event tracker's daemon."""
