@@ -5,7 +5,6 @@ Times are passed in, so that the restart policy can be tested without waiting; :
 
 from __future__ import annotations
 
-import ctypes
 import os
 import signal
 import subprocess
@@ -18,7 +17,6 @@ from pathlib import Path
 from motiondlo_services.processes import Process
 from motiondlo_services.runtime.realtime import ONE_THREAD
 
-_PR_SET_PDEATHSIG = 1
 _STOP_TIMEOUT_S = 5.0
 _BACKOFF_FIRST_S = 0.2
 _BACKOFF_MAX_S = 5.0
@@ -112,16 +110,11 @@ def describe_exit(code: int) -> str:
 def spawn_daemon(row: Process, config: Path) -> subprocess.Popen[bytes]:
     """Start a daemon in its own process group; it dies with the supervisor, however that ends."""
     return subprocess.Popen(
-        [sys.executable, "-m", row.module, "--config", str(config)],
+        [sys.executable, "-m", row.module, "--config", str(config), "--supervised"],
         env={**os.environ, **ONE_THREAD},
         stdin=subprocess.DEVNULL,
-        preexec_fn=_die_with_parent,
         process_group=0,
     )
-
-
-def _die_with_parent() -> None:
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def supervise(

@@ -1,9 +1,20 @@
-"""SIGTERM and SIGINT as a flag that the loop looks at."""
+"""SIGTERM and SIGINT as a flag that the loop looks at; death with the supervisor."""
 
 from __future__ import annotations
 
+import ctypes
+import os
 import signal
 from types import FrameType
+
+_PR_SET_PDEATHSIG = 1
+
+
+def die_with_parent() -> None:
+    """Be killed when the parent process ends, however it ends (for daemons under the desk supervisor)."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() == 1:  # it ended before we asked
+        os.kill(os.getpid(), signal.SIGKILL)
 
 
 class StopFlag:

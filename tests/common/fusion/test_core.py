@@ -1,0 +1,184 @@
+"""Scenarios of the fusion core: boot, rest, late and wrong segmentations, a tracker that was restarted."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from motiondlo.frames.types import EndKind, Instance, Segmentation
+from motiondlo.fusion.core import FusionCore
+from motiondlo.fusion.params import FusionParams
+from motiondlo.fusion.state import Mode
+from motiondlo.tracking.types import CorrectionKind, TrackSource, TrackState, TrackUpdate
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def line(y: float, x0: float = 100.0, x1: float = 500.0, count: int = 20) -> FloatArray:
+    return np.stack([np.linspace(x0, x1, count), np.full(count, y)], axis=1)
+
+
+def instance(nodes: FloatArray, score: float = 0.9) -> Instance:
+    return Instance(
+        nodes_rgb=nodes,
+        nodes_event=nodes,
+        sigma_px=np.full(len(nodes), 1.0),
+        width_rgb_px=20.0,
+        diameter_px=20.0,
+        score=score,
+        ends=(EndKind.HELD, EndKind.TIP),
+    )
+
+
+def track(dlo_id: int, nodes: FloatArray, moving: bool = False, confidence: float = 0.9) -> TrackState:
+    count = len(nodes)
+    return TrackState(
+        id=dlo_id,
+        nodes=nodes,
+        velocity_px_s=np.zeros((count, 2)),
+        cov_px2=np.tile([4.0, 0.0, 9.0], (count, 1)),
+        visible=np.ones(count, np.uint8),
+        diameter_px=20.0,
+        confidence=confidence,
+        moving=moving,
+        source=TrackSource.EVENT,
+        t_corrected_us=-1,
+    )
+
+
+def update(t_us: int, *tracks: TrackState) -> TrackUpdate:
+    return TrackUpdate(t_us, t_us - 10, tuple(tracks))
+
+
+def booted(params: FusionParams | None = None, nodes: FloatArray | None = None) -> tuple[FusionCore, FloatArray]:
+    """A core that knows one DLO at rest since 1 s; nothing is under way."""
+    nodes = line(200.0) if nodes is None else nodes
+    core = FusionCore(params or FusionParams())
+    assert core.frame_request() is not None
+    core.on_segmentation(Segmentation(12_000, "first", (instance(nodes),)), now_us=-1)
+    for t_us in range(1000, 1_000_000, 5000):
+        core.on_track(update(t_us, track(0, nodes)))
+    return core, nodes
+
+
+def test_boot_asks_for_the_first_frame_and_starts_one_track_per_instance() -> None:
+    core = FusionCore(FusionParams())
+    request = core.frame_request()
+    assert request is not None
+    assert request.after_us == -1
+    assert core.frame_request() is None, "one request at a time"
+    corrections = core.on_segmentation(
+        Segmentation(12_000, "first", (instance(line(100.0)), instance(line(300.0)))), now_us=-1
+    )
+    assert [c.id for c in corrections] == [0, 1]
+    assert {c.kind for c in corrections} == {CorrectionKind.REINITIALISE}
+    assert [c.not_before_us for c in corrections] == [-1, -1], "the first shapes are taken at once"
+
+
+def test_mode_follows_motion_at_once_and_rest_after_a_while() -> None:
+    core, nodes = booted(FusionParams(static_after_ms=100.0))
+    assert core.on_track(update(1_001_000, track(0, nodes))).mode == Mode.STATIC
+    assert core.on_track(update(1_002_000, track(0, nodes, moving=True))).mode == Mode.MOTION
+    assert core.on_track(update(1_100_000, track(0, nodes))).mode == Mode.MOTION
+    assert core.on_track(update(1_103_000, track(0, nodes))).mode == Mode.STATIC
+
+
+def test_coming_to_rest_asks_for_a_frame_taken_since() -> None:
+    core, nodes = booted(FusionParams(static_after_ms=100.0, refresh_static_s=100.0))
+    core.on_track(update(1_001_000, track(0, nodes, moving=True)))
+    assert core.frame_request() is None
+    core.on_track(update(1_200_000, track(0, nodes)))
+    request = core.frame_request()
+    assert request is not None
+    assert request.after_us == 1_200_000
+
+
+def test_late_shape_meets_the_track_of_its_own_time_and_keeps_its_direction() -> None:
+    core, _ = booted()
+    moved = line(400.0)
+    for t_us in range(1_000_000, 2_000_000, 5000):
+        core.on_track(update(t_us, track(0, moved, moving=True)))
+    seen = line(201.0)[::-1].copy()  # where it was at 0.9 s, found from the other end
+    (correction,) = core.on_segmentation(Segmentation(900_000, "late", (instance(seen),)), now_us=1_999_000)
+    assert (correction.id, correction.kind, correction.t_us) == (0, CorrectionKind.BLEND, 900_000)
+    np.testing.assert_allclose(correction.nodes, line(201.0))
+    assert correction.ends == (EndKind.TIP, EndKind.HELD), "the ends turn with the nodes"
+    assert correction.not_before_us > 1_995_000
+
+
+def test_shape_far_from_a_confident_track_starts_it_anew_and_identities_do_not_swap() -> None:
+    core = FusionCore(FusionParams())
+    core.frame_request()
+    core.on_segmentation(Segmentation(0, "first", (instance(line(100.0)), instance(line(200.0)))), now_us=-1)
+    core.on_track(update(1000, track(0, line(100.0)), track(1, line(200.0))))
+    corrections = core.on_segmentation(
+        Segmentation(1000, "second", (instance(line(200.5)), instance(line(130.0)))), now_us=5000
+    )
+    assert {(c.id, c.kind) for c in corrections} == {(1, CorrectionKind.BLEND), (0, CorrectionKind.REINITIALISE)}
+
+
+def test_new_dlo_needs_to_be_seen_twice_and_gets_a_new_id() -> None:
+    core, nodes = booted()
+    both = (instance(nodes), instance(line(600.0)))
+    first = core.on_segmentation(Segmentation(900_000, "a", both), now_us=990_000)
+    assert [c.id for c in first] == [0]
+    second = core.on_segmentation(Segmentation(950_000, "b", both), now_us=995_000)
+    assert {(c.id, c.kind) for c in second} == {(0, CorrectionKind.BLEND), (1, CorrectionKind.REINITIALISE)}
+
+
+def test_failures_back_off_degrade_and_recover() -> None:
+    params = FusionParams(degraded_after_failures=2, retry_first_ms=100.0, refresh_static_s=0.1)
+    core, nodes = booted(params)
+    asked_us = []
+    for t_us in range(1_000_000, 3_000_000, 10_000):
+        state = core.on_track(update(t_us, track(0, nodes)))
+        if core.frame_request() is not None:
+            asked_us.append(t_us)
+            core.on_segmentation(Segmentation(t_us, "bad", failure="black"), now_us=t_us)
+    pauses = np.diff(asked_us)
+    assert len(asked_us) >= 4
+    assert (pauses[1:] >= 1.5 * pauses[:-1]).all(), "each pause is longer than the one before"
+    assert state.mode == Mode.DEGRADED
+    core.on_segmentation(Segmentation(2_990_000, "good", (instance(nodes),)), now_us=2_990_000)
+    assert core.on_track(update(3_000_000, track(0, nodes))).mode == Mode.STATIC
+
+
+def test_tracker_restarted_gets_its_dlos_back_under_their_ids() -> None:
+    core, nodes = booted()
+    core.on_track(update(1_000_000))
+    (correction,) = core.corrections_due()
+    assert (correction.id, correction.kind) == (0, CorrectionKind.REINITIALISE)
+    np.testing.assert_allclose(correction.nodes, nodes)
+    core.on_track(update(1_001_000))
+    assert core.corrections_due() == (), "given back once"
+
+
+def test_fusion_restarted_adopts_the_trackers_ids() -> None:
+    core = FusionCore(FusionParams(birth_confirmations=1), first_seq=1000)
+    core.on_track(update(5_000_000, track(7, line(200.0))))
+    corrections = core.on_segmentation(
+        Segmentation(5_000_000, "x", (instance(line(201.0)), instance(line(600.0)))), now_us=5_001_000
+    )
+    assert [c.id for c in corrections] == [7, 8]
+    assert all(c.seq > 1000 for c in corrections)
+
+
+def test_unseen_dlo_of_low_confidence_is_retired_and_does_not_come_back() -> None:
+    core, nodes = booted(FusionParams(death_confirmations=2))
+    ghost = track(1, line(600.0), confidence=0.05)
+    t_us, kinds = 1_010_000, []
+    for _ in range(2):
+        core.on_track(update(t_us, track(0, nodes), ghost))
+        kinds += [c.kind for c in core.on_segmentation(Segmentation(t_us, "x", (instance(nodes),)), now_us=t_us)]
+        t_us += 10_000
+    assert kinds == [CorrectionKind.BLEND, CorrectionKind.BLEND, CorrectionKind.RETIRE]
+    core.on_track(update(t_us, track(0, nodes), ghost))  # was on its way
+    core.on_track(update(t_us + 1000, track(0, nodes)))
+    assert core.corrections_due() == ()
+
+
+def test_sigma_in_the_state_is_along_the_normal() -> None:
+    core = FusionCore(FusionParams())
+    state = core.on_track(update(1000, track(0, line(200.0))))
+    np.testing.assert_allclose(state.dlos[0].sigma_px, 3.0)
+    assert abs(state.dlos[0].length_px - 400.0) < 1e-9
