@@ -1,0 +1,1 @@
+"""Commands of ``motiondlo`` that start or examine daemons."""

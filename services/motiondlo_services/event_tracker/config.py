@@ -1,0 +1,21 @@
+"""``[event_tracker]``: which tracker, with which parameters."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class EventTrackerConfig(BaseModel):
+    """The event tracker's section."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    profile: Literal["default", "paper"] = Field(default="default", description="the tracker and its parameter set")
+    parameters: dict[str, bool | int | float | str] = Field(
+        default_factory=dict, description="parameters of the profile that this cell changes"
+    )
+    patience: int = Field(
+        default=4, ge=1, le=1000, description="so many waiting batches are still taken one by one; more are merged"
+    )
