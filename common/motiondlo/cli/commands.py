@@ -1,0 +1,51 @@
+"""The table of commands: one row each; everything else about the command line derives from it.
+
+A command's module has ``add_arguments(parser)`` and ``run(args) -> int``. It is imported when the command is called,
+and imports what is heavy (numpy, numba, zenoh) inside ``run``. A name of two words is a command under another one, and
+wins over a first argument of the shorter command.
+"""
+
+from __future__ import annotations
+
+import importlib
+from argparse import ArgumentParser, Namespace
+from dataclasses import dataclass
+from typing import Protocol, cast
+
+
+class CommandModule(Protocol):
+    """What a command's file provides."""
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        """Declare the command's arguments."""
+        ...
+
+    def run(self, args: Namespace) -> int:
+        """Do it; returns the exit code. Raises MotionDLOError for failures that a person can mend."""
+        ...
+
+
+@dataclass(frozen=True)
+class Command:
+    """One row."""
+
+    name: str
+    module: str
+    summary: str
+
+    def load(self) -> CommandModule:
+        """Import the command's file."""
+        return cast(CommandModule, importlib.import_module(self.module))
+
+
+COMMANDS = (Command("eval", "motiondlo.cli.eval", "errors of tracks against a recording's ground truth"),)
+
+
+def find_command(words: list[str], commands: tuple[Command, ...] = COMMANDS) -> tuple[Command, list[str]] | None:
+    """The command that ``words`` begin with, and the words after it; None when there is none."""
+    by_name = {command.name: command for command in commands}
+    for length in (2, 1):
+        command = by_name.get(" ".join(words[:length])) if len(words) >= length else None
+        if command is not None:
+            return command, words[length:]
+    return None
