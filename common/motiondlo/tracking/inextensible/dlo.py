@@ -1,0 +1,354 @@
+"""One DLO: its state, its look, and one update."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from motiondlo.events.types import SensorGeometry
+from motiondlo.frames.types import EndKind, FloatArray
+from motiondlo.geometry.curve import arc_length
+from motiondlo.tracking.inextensible.curve_kernels import acceleration_covariance, place_curve
+from motiondlo.tracking.inextensible.ends import EndPose, EndTracker, Rows, end_pose
+from motiondlo.tracking.inextensible.filter_kernels import (
+    CONSTANTS,
+    END_A,
+    END_B,
+    RATIO_A,
+    STRETCH,
+    place_stations,
+    predict,
+    solve,
+)
+from motiondlo.tracking.inextensible.observe_kernels import learn_profiles, observe_stations
+from motiondlo.tracking.inextensible.params import InextensibleParams
+from motiondlo.tracking.inextensible.profiles import log_ratios, prior_profiles
+from motiondlo.tracking.inextensible.row_kernels import (
+    bend_rows,
+    node_covariances,
+    remember_bend,
+    station_rows,
+    update_support,
+)
+from motiondlo.tracking.inextensible.shape import STRIDE, fit_pose, make_layout
+from motiondlo.tracking.types import Correction, TrackSource, TrackState
+
+Int64Array = npt.NDArray[np.int64]
+
+_FIELD_PX = 36.0
+_START_CORRELATION_PX = 120.0
+
+
+@dataclass(frozen=True)
+class PastState:
+    """What a late correction is compared with: the state at one time."""
+
+    x: FloatArray
+    cov: FloatArray
+
+
+class InextensibleDlo:
+    """A curve that cannot stretch, tracked through event batches."""
+
+    def __init__(self, correction: Correction, params: InextensibleParams, geometry: SensorGeometry) -> None:
+        self.params = params
+        self.geometry = geometry
+        self.id = correction.id
+        self.t_corrected_us = correction.t_us
+        self.reinitialised = 0
+        p = params
+        length = float(arc_length(correction.nodes)[-1])
+        self.diameter_px = correction.diameter_px if correction.diameter_px > 0 else 20.0
+        self.radius_px = 0.5 * self.diameter_px
+        self.layout = layout = make_layout(length, correction.ends, params)
+        q = fit_pose(layout, correction.nodes)
+        n = self.n = len(q)
+        size = self.size = 2 * n + CONSTANTS
+        s = self.s_px = layout.stations_s_px
+        m = self.m = len(s)
+        self.x = np.zeros(size)
+        self.x[:n] = q
+        self.x[2 * n + RATIO_A :] = p.height_ratio
+        # arrays of the step
+        self.theta = np.empty(layout.samples)
+        self.points = np.empty((layout.samples, 2))
+        self.jacobian = np.zeros((m, 2, n))
+        self.p = np.empty((m, 2))
+        self.th, self.kappa, self.vn, self.vt, self.omega = (np.zeros(m) for _ in range(5))
+        self.h_normal, self.h_stretch = np.zeros((m, n)), np.zeros(m)
+        self.sn, self.sv, self.offset, self.sigma, self.age = (np.zeros(m) for _ in range(5))
+        self.quality, self.window, self.contrast, self.nis = (np.zeros(m) for _ in range(4))
+        self.count = np.zeros(m, np.int64)
+        self.good = np.zeros(m, np.uint8)
+        self.window_max = np.full(m, p.window_max_ms)
+        self.band = np.full(m, p.band_px)
+        self.node_cov = np.zeros((m, 3))
+        capacity = m + 2 * n + 16
+        self.rows = Rows(
+            np.zeros((capacity, size)), np.zeros(capacity), np.zeros(capacity), np.zeros(capacity, np.uint8)
+        )
+        self.residual = np.zeros(capacity)
+        self.accel = np.zeros(m)
+        self.vn_past: list[FloatArray] = []
+        # look
+        self.prior = prior_profiles(s, self.radius_px, correction.appearance, params)
+        self.profile = self.prior.copy()
+        self.floor = p.log_floor / self.prior.shape[2]
+        self.llr = log_ratios(self.profile, self.floor)
+        # ends
+        self.place()
+        self.ends: list[EndTracker] = []
+        for index in range(2):
+            s_end = 0.0 if index == 0 else length
+            place = correction.nodes[0 if index == 0 else -1].astype(np.float64)
+            self.ends.append(EndTracker(index, correction.ends[index], s_end, params, self.radius_px, place))
+        self.end_velocity: list[FloatArray | None] = [None, None]
+        # covariance
+        field = np.arange(0, m, max(1, round(_FIELD_PX / p.station_px)))
+        self.field = np.unique(np.append(field, m - 1)).astype(np.int64)
+        self.field_precision = self._precision(np.ones(len(self.field)), p.correlation_px, 1e-3)
+        self.acceleration_cov = np.zeros((n, n))
+        self._refresh_acceleration()
+        beyond = np.maximum(np.maximum(-s[self.field], s[self.field] - length), 0.0)
+        sigma_nodes = np.interp(
+            s[self.field], np.linspace(0, length, len(correction.nodes)), correction.sigma_normal_px
+        )
+        spread = np.maximum(sigma_nodes, 0.5) + 0.2 * beyond
+        start = np.zeros((n, n))
+        acceleration_covariance(
+            self.jacobian, self.field, self._precision(spread, _START_CORRELATION_PX, 0.05), 1e-6, start
+        )
+        self.cov = np.zeros((size, size))
+        self.cov[:n, :n] = start
+        self.cov[n : 2 * n, n : 2 * n] = self.acceleration_cov * 0.02**2
+        for k, sd in ((STRETCH, 0.004), (END_A, p.tip_offset_sigma_px), (END_B, p.tip_offset_sigma_px)):
+            self.cov[2 * n + k, 2 * n + k] = sd**2
+        for k in range(2):
+            self.cov[2 * n + RATIO_A + k, 2 * n + RATIO_A + k] = max(p.height_ratio_sigma, 1e-4) ** 2
+        self.start_cov = self.cov.copy()
+        self.constants_q = np.zeros(CONSTANTS)
+        self.constants_q[STRETCH] = p.stretch_walk**2
+        self.memory = np.zeros(n)
+        remember_bend(n, self.x, 1.0, self.memory)
+        # visibility
+        inside_shape = (s >= -1.0) & (s <= length + 1.0)
+        self.alive = inside_shape.astype(np.float64)
+        self.support = inside_shape.astype(np.float64)
+        self.noise_factor = 1.0
+        self.silent_ms = 0.0
+        self.frozen = True
+        self.fit_px = 0.0
+        self.seen, self.could = 0, 0
+        self.tick = 0
+        self._state: TrackState | None = None
+
+    # geometry of the step
+
+    def place(self) -> None:
+        """Evaluate the curve at the state."""
+        layout = self.layout
+        place_curve(
+            self.x[: self.n], 1.0 + self.x[2 * self.n + STRETCH], layout.basis, layout.ds_px, layout.anchor, STRIDE,
+            self.theta, self.points, self.jacobian,
+        )  # fmt: skip
+
+    def _stations(self) -> None:
+        place_stations(
+            self.x, self.cov, self.n, self.points, self.theta, self.jacobian, STRIDE, self.layout.ds_px, self.p,
+            self.th, self.kappa, self.vn, self.vt, self.omega, self.h_normal, self.h_stretch, self.sn, self.sv,
+        )  # fmt: skip
+
+    def _precision(self, spread: FloatArray, correlation_px: float, nugget: float) -> FloatArray:
+        s = self.s_px[self.field]
+        r = np.sqrt(3.0) * np.abs(s[:, None] - s[None]) / correlation_px
+        k = ((1.0 + r) * np.exp(-r) + nugget * np.eye(len(s))) * spread[:, None] * spread[None]
+        return np.ascontiguousarray(np.linalg.inv(k))
+
+    def _refresh_acceleration(self) -> None:
+        acceleration_covariance(self.jacobian, self.field, self.field_precision, 1e-6, self.acceleration_cov)
+
+    def _end_pose(self, end: EndTracker, dt_ms: float) -> EndPose:
+        offset = float(self.x[2 * self.n + END_A + end.index]) if end.free else 0.0
+        return end_pose(
+            end.index, end.s_px + offset, self.points, self.theta, self.jacobian, self.layout.basis,
+            self.layout.s_lo_px, self.layout.ds_px, STRIDE, self.x, self.end_velocity[end.index], dt_ms,
+        )  # fmt: skip
+
+    def end_s_px(self, index: int) -> float:
+        """Material coordinate up to which the DLO is believed to exist."""
+        end = self.ends[index]
+        sign = -1.0 if index == 0 else 1.0
+        if end.kind is EndKind.TIP:
+            return float(end.s_px + self.x[2 * self.n + END_A + index])
+        reach = {EndKind.HELD: 0.8 * self.params.held_reach_px}.get(end.kind, 0.0)
+        if end.kind is EndKind.BORDER:
+            return float(self.s_px[0] if index == 0 else self.s_px[-1])
+        return end.s_px + sign * reach
+
+    # the step
+
+    def step(self, surface: Int64Array, t_us: int, dt_ms: float) -> None:
+        """Advance to ``t_us`` with everything on the surface."""
+        p = self.params
+        n = self.n
+        self.tick += 1
+        speed = float(np.percentile(np.hypot(self.vn, self.vt), 90)) if self.tick > 1 else 0.0
+        scale = p.noise_scale * max(p.noise_rest_share, min(speed / p.noise_speed, 1.5)) * self.noise_factor
+        before_x, before_cov = self.x.copy(), self.cov.copy()
+        decay = float(np.exp(-dt_ms / p.velocity_decay_ms))
+        predict(self.x, self.cov, n, dt_ms, decay, self.acceleration_cov, scale, self.constants_q)
+        self.place()
+        self._stations()
+        active = self._active()
+        self._windows(dt_ms)
+        observe_stations(
+            surface, t_us, self.p, self.th, self.kappa, self.vn, self.vt, self.omega, self.window_max, self.band,
+            active, self.llr, 0.5 * STRIDE * self.layout.ds_px, p.latency_ms, p.window_min_ms, p.events_target,
+            p.events_min, p.ambiguous_velocity, self.offset, self.sigma, self.age, self.count, self.quality,
+            self.window, self.contrast,
+        )  # fmt: skip
+        rows = self.rows
+        rows.count, self.seen, self.could = station_rows(
+            n, dt_ms, self.h_normal, self.h_stretch, self.vn, self.sn, self.offset, self.sigma, self.age, self.count,
+            self.quality, self.window, active, self.alive, p.sigma_floor_px, p.sigma_age, p.age_share, p.quality_min,
+            p.events_min, p.rest_sigma, p.rest_velocity, rows.h, rows.z, rows.w, rows.robust, self.good, self.nis,
+        )  # fmt: skip
+        poses = [self._end_pose(end, dt_ms) for end in self.ends]
+        for end, pose in zip(self.ends, poses, strict=True):
+            end.observe(surface, t_us, dt_ms, pose, self.x, rows, self.geometry.width_px, self.geometry.height_px)
+        if self._idle(speed):
+            self.x[:n] = before_x[:n]
+            self.x[n : 2 * n] = before_x[n : 2 * n] * 0.7
+            self.cov = before_cov
+            self.silent_ms += dt_ms
+            self.place()
+            self._stations()
+            self.frozen = True
+        else:
+            rows.count = bend_rows(
+                rows.count, n, dt_ms, self.x, self.memory, p.bend_sigma, p.bend_rate_sigma, rows.h, rows.z, rows.w,
+                rows.robust,
+            )  # fmt: skip
+            solve(
+                self.x, self.cov, rows.h, rows.z, rows.w, rows.count, p.student_nu, p.robust_passes, rows.robust,
+                self.residual,
+            )  # fmt: skip
+            self.silent_ms = 0.0
+            self.frozen = False
+            self.place()
+            self._stations()
+            if self.tick % 2 == 0:
+                self._refresh_acceleration()
+            remember_bend(n, self.x, p.bend_memory * dt_ms, self.memory)
+            self._adapt(dt_ms)
+            self._learn(surface, t_us, active, dt_ms)
+        update_support(dt_ms, active, self.good, self.count, self.vn, p.events_min, self.alive, self.support)
+        self.vn_past.append(self.vn.copy())
+        del self.vn_past[:-4]
+        for k, pose in enumerate(poses):
+            self.end_velocity[k] = pose.velocity
+        self._state = None
+
+    def _active(self) -> npt.NDArray[np.bool_]:
+        lo, hi = self.end_s_px(0), self.end_s_px(1)
+        x, y = self.p[:, 0], self.p[:, 1]
+        inside = (x > -2) & (y > -2) & (x < self.geometry.width_px + 2) & (y < self.geometry.height_px + 2)
+        half = 0.25 * self.params.station_px
+        within = (self.s_px > lo + half) & (self.s_px < hi - half)
+        for end in self.ends:
+            if end.held:
+                # beside the jaws their edges are nearer than the silhouettes
+                sign = 1.0 if end.index == 0 else -1.0
+                within &= sign * (self.s_px - end.s_px) > 0.5 * self.radius_px
+        return np.asarray(inside & within)
+
+    def _windows(self, dt_ms: float) -> None:
+        p = self.params
+        if len(self.vn_past) >= 4:
+            slope = (self.vn - self.vn_past[-4]) / (4.0 * dt_ms)
+            padded = np.pad(slope, 2, mode="edge")
+            self.accel = np.convolve(padded, [0.1, 0.2, 0.4, 0.2, 0.1], "valid")
+        longest = np.sqrt(p.window_acceleration_px / np.maximum(np.abs(self.accel), 1e-3))
+        travel = p.window_travel_px / np.maximum(np.abs(self.vn), 1e-3)
+        self.window_max = np.clip(np.minimum(longest, travel), 1.5 * p.window_min_ms, p.window_max_ms)
+        self.band = np.clip(p.band_px + 2.0 * self.sn, p.band_px, p.band_max_px)
+
+    def _idle(self, speed: float) -> bool:
+        p = self.params
+        quiet = self.seen < p.idle_share * max(self.could, 1)
+        moved = any(end.held and end.patch_events >= p.patch_events_min and end.shift_px > 1.0 for end in self.ends)
+        return quiet and speed < 2.0 * p.idle_velocity and not moved
+
+    def _adapt(self, dt_ms: float) -> None:
+        p = self.params
+        nis = self.nis[self.good > 0]
+        if len(nis) >= 3:
+            if float(np.median(nis)) > p.noise_surprise:
+                self.noise_factor = min(self.noise_factor * 2.0**dt_ms, p.noise_growth_max)
+            else:
+                self.noise_factor = max(1.0, self.noise_factor * 0.93**dt_ms)
+            off = self.offset[self.good > 0]
+            self.fit_px = float(np.sqrt(np.mean(off**2)))
+
+    def _learn(self, surface: Int64Array, t_us: int, active: npt.NDArray[np.bool_], dt_ms: float) -> None:
+        p = self.params
+        trusted = self.seen > 0.5 * max(self.could, 1)
+        if self.tick % 2 == 0 and self.seen > 4:
+            marked = active & (self.good > 0) & (np.abs(self.vn) > 0.3)
+            learn_profiles(
+                surface, t_us, self.p, self.th, self.kappa, self.vn, self.vt, self.omega, self.window, marked,
+                0.5 * STRIDE * self.layout.ds_px, p.latency_ms, p.learn_rate, p.learn_pull, self.floor, self.prior,
+                self.profile, self.llr,
+            )  # fmt: skip
+        for end in self.ends:
+            end.learn(surface, t_us, self._end_pose(end, dt_ms), self.x, trusted)
+
+    # result
+
+    def state(self) -> TrackState:
+        """The estimate as nodes with covariance."""
+        if self._state is None:
+            self._state = self._make_state()
+        return self._state
+
+    def _make_state(self) -> TrackState:
+        p = self.params
+        s = np.linspace(self.end_s_px(0), self.end_s_px(1), p.output_nodes)
+        samples = self.layout.s_lo_px + np.arange(self.layout.samples) * self.layout.ds_px
+        nodes = np.stack([np.interp(s, samples, self.points[:, c]) for c in range(2)], axis=1)
+        for end_s, sample, sign in ((samples[0], 0, -1.0), (samples[-1], -1, 1.0)):
+            beyond = np.maximum(sign * (s - end_s), 0.0)
+            direction = sign * np.array([np.cos(self.theta[sample]), np.sin(self.theta[sample])])
+            nodes += beyond[:, None] * direction
+        node_covariances(self.cov, self.n, self.jacobian, self.node_cov)
+        cov = np.stack([np.interp(s, self.s_px, self.node_cov[:, c]) for c in range(3)], axis=1)
+        cov[:, 0] += p.bias_px**2
+        cov[:, 2] += p.bias_px**2
+        rates = self.jacobian @ self.x[self.n : 2 * self.n]
+        velocity = np.stack([np.interp(s, self.s_px, rates[:, c]) for c in range(2)], axis=1) * 1000.0
+        visible = (np.interp(s, self.s_px, self.support) > p.visible_support).astype(np.uint8)
+        inside = (nodes >= 0).all(axis=1) & (nodes[:, 0] < self.geometry.width_px)
+        visible[~(inside & (nodes[:, 1] < self.geometry.height_px))] = 0
+        moving = bool(np.hypot(velocity[:, 0], velocity[:, 1]).max() > 100.0) and not self.frozen
+        return TrackState(
+            id=self.id,
+            nodes=nodes,
+            velocity_px_s=velocity,
+            cov_px2=cov,
+            visible=visible,
+            diameter_px=self.diameter_px,
+            confidence=self.confidence(),
+            moving=moving,
+            source=TrackSource.EVENT if self.seen else TrackSource.PREDICTED,
+            t_corrected_us=self.t_corrected_us,
+            fit_px=self.fit_px,
+            reinitialised=self.reinitialised,
+        )
+
+    def confidence(self) -> float:
+        """0..1: how much of what should be seen is seen, and how sure the curve is."""
+        seen = self.seen / max(self.could, 1) if not self.frozen else 1.0
+        spread = float(np.median(self.sn))
+        return float(np.clip(0.3 + 0.7 * seen, 0.0, 1.0) / (1.0 + (spread / 6.0) ** 2))

@@ -1,0 +1,194 @@
+"""The ends of a DLO on the time surface: the rigid patch of what holds it, and the event profile of a free tip.
+
+Legend: patch frame: ``a`` along the outward direction ``e`` at the end (away from the DLO), ``b`` across; a template is the
+density of events in that frame, its ``log_template`` the log-likelihood ratio against a uniform density. Tip profile:
+rate of events along the outward tangent, one bin a pixel, the tip at the middle.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def collect_patch(  # type: ignore[no-untyped-def]
+    surface, t_us, ox, oy, ex, ey, vx, vy, omega, window_ms, latency_ms, a_min, a_max, b_max, keep_out_px, a_out, b_out
+):
+    """Events of the patch, moved to now, in its frame. Returns (count, mean age in ms).
+
+    (ox, oy): origin; (ex, ey): outward direction; (vx, vy) px/ms and omega rad/ms: the patch's motion. Within
+    ``keep_out_px`` of the axis, events before the origin (a < 0) belong to the DLO and are left out.
+    """
+    height, width = surface.shape[1], surface.shape[2]
+    capacity = a_out.shape[0]
+    t_min = t_us - window_ms * 1000.0
+    travel = np.sqrt(vx * vx + vy * vy) * window_ms
+    mid_a = 0.5 * (a_min + a_max)
+    half_a = 0.5 * (a_max - a_min)
+    cx, cy = ox + mid_a * ex - 0.5 * vx * window_ms, oy + mid_a * ey - 0.5 * vy * window_ms
+    margin_x = half_a * abs(ex) + b_max * abs(ey) + 0.5 * travel + 2.0
+    margin_y = half_a * abs(ey) + b_max * abs(ex) + 0.5 * travel + 2.0
+    count = 0
+    ages = 0.0
+    for y in range(max(0, int(cy - margin_y)), min(height - 1, int(cy + margin_y)) + 1):
+        for x in range(max(0, int(cx - margin_x)), min(width - 1, int(cx + margin_x)) + 1):
+            for p in range(2):
+                ts = surface[p, y, x]
+                if ts > t_min:
+                    age = (t_us - ts) * 1e-3 + latency_ms
+                    rx, ry = x - ox, y - oy
+                    dx = rx + (vx - omega * ry) * age
+                    dy = ry + (vy + omega * rx) * age
+                    a = ex * dx + ey * dy
+                    b = -ey * dx + ex * dy
+                    if a < a_min or a >= a_max or abs(b) >= b_max or (a < 0.0 and abs(b) < keep_out_px):
+                        continue
+                    if count < capacity:
+                        a_out[count] = a
+                        b_out[count] = b
+                        count += 1
+                        ages += age - latency_ms
+    return count, ages / max(count, 1)
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def patch_score(log_template, a, b, count, step, a_min, b_max, da, db, phi):  # type: ignore[no-untyped-def]
+    """Mean log-likelihood ratio an event when the patch sits at (da, db, phi) relative to the prediction."""
+    rows, columns = log_template.shape
+    c, s = np.cos(phi), np.sin(phi)
+    total = 0.0
+    n = 0
+    for i in range(0, count, step):
+        ai = c * a[i] + s * b[i] - da - a_min
+        bi = -s * a[i] + c * b[i] - db + b_max
+        ia, ib = int(ai), int(bi)
+        n += 1
+        if 0 <= ia < rows and 0 <= ib < columns and ai >= 0.0 and bi >= 0.0:
+            total += log_template[ia, ib]
+    return total / max(n, 1)
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def match_patch(log_template, a, b, count, a_min, b_max, reach, events, out):  # type: ignore[no-untyped-def]
+    """Where the patch is: coarse search over +-reach px, then fine, then the angle.
+
+    out (7,): da, db, phi, score, and the curvatures (negative second differences) of the score in a, b, phi.
+    """
+    step = max(1, count // events)
+    best, ba, bb = -1e9, 0, 0
+    for i in range(-reach, reach + 1, 2):
+        for j in range(-reach, reach + 1, 2):
+            value = patch_score(log_template, a, b, count, step, a_min, b_max, i, j, 0.0)
+            if value > best:
+                best, ba, bb = value, i, j
+    ca, cb = ba, bb
+    for i in range(ca - 1, ca + 2):
+        for j in range(cb - 1, cb + 2):
+            value = patch_score(log_template, a, b, count, step, a_min, b_max, i, j, 0.0)
+            if value > best:
+                best, ba, bb = value, i, j
+    phi_step = 0.015
+    best_phi = 0.0
+    for k in range(-2, 3):
+        value = patch_score(log_template, a, b, count, step, a_min, b_max, ba, bb, k * phi_step)
+        if value > best + 1e-9:
+            best, best_phi = value, k * phi_step
+    out[3] = best
+    for axis in range(3):
+        h = phi_step if axis == 2 else 2.0
+        lo = patch_score(
+            log_template, a, b, count, step, a_min, b_max,
+            ba - (h if axis == 0 else 0.0), bb - (h if axis == 1 else 0.0), best_phi - (h if axis == 2 else 0.0),
+        )  # fmt: skip
+        hi = patch_score(
+            log_template, a, b, count, step, a_min, b_max,
+            ba + (h if axis == 0 else 0.0), bb + (h if axis == 1 else 0.0), best_phi + (h if axis == 2 else 0.0),
+        )  # fmt: skip
+        bend = lo - 2.0 * best + hi
+        base = ba if axis == 0 else (bb if axis == 1 else best_phi)
+        fine = 0.0
+        if bend < -1e-6:
+            fine = 0.5 * (lo - hi) / bend * h
+            fine = min(max(fine, -h), h)
+        out[axis] = base + fine
+        out[4 + axis] = -bend / (h * h)
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def learn_patch(template, log_template, a, b, count, a_min, b_max, rate, floor):  # type: ignore[no-untyped-def]
+    """Move the template towards the events (in the frame of the corrected end). Both: (A, B) float32."""
+    rows, columns = template.shape
+    fresh = np.zeros((rows, columns), np.float32)
+    weight = np.float32(1.0 / max(count, 1))
+    for i in range(count):
+        ia, ib = int(a[i] - a_min), int(b[i] + b_max)
+        if 1 <= ia < rows - 1 and 1 <= ib < columns - 1:
+            for j in range(-1, 2):
+                for k in range(-1, 2):
+                    fresh[ia + j, ib + k] += weight * np.float32((2 - abs(j)) * (2 - abs(k)) / 16.0)
+    uniform = 1.0 / (rows * columns)
+    for i in range(rows):
+        for j in range(columns):
+            template[i, j] += rate * (fresh[i, j] - template[i, j])
+            log_template[i, j] = np.log((template[i, j] + floor * uniform) / (uniform * (1.0 + floor)))
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def collect_tip(  # type: ignore[no-untyped-def]
+    surface, t_us, px, py, ex, ey, vx, vy, window_ms, latency_ms, half_width_px, histogram
+):
+    """Histogram of events along the outward tangent at a tip, moved to now. Returns (count, mean age in ms)."""
+    height, width = surface.shape[1], surface.shape[2]
+    histogram[:] = 0.0
+    reach = (histogram.shape[0] - 1) // 2
+    t_min = t_us - window_ms * 1000.0
+    cx, cy = px - 0.5 * vx * window_ms, py - 0.5 * vy * window_ms
+    margin_x = reach * abs(ex) + half_width_px * abs(ey) + 0.5 * abs(vx) * window_ms + 2.0
+    margin_y = reach * abs(ey) + half_width_px * abs(ex) + 0.5 * abs(vy) * window_ms + 2.0
+    count = 0
+    ages = 0.0
+    for y in range(max(0, int(cy - margin_y)), min(height - 1, int(cy + margin_y)) + 1):
+        for x in range(max(0, int(cx - margin_x)), min(width - 1, int(cx + margin_x)) + 1):
+            for p in range(2):
+                ts = surface[p, y, x]
+                if ts > t_min:
+                    age = (t_us - ts) * 1e-3 + latency_ms
+                    dx = x + vx * age - px
+                    dy = y + vy * age - py
+                    if abs(-ey * dx + ex * dy) <= half_width_px:
+                        k = int(np.floor(ex * dx + ey * dy + reach + 0.5))
+                        if 0 <= k < histogram.shape[0]:
+                            histogram[k] += 1.0
+                            count += 1
+                            ages += age - latency_ms
+    return count, ages / max(count, 1)
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def match_tip(histogram, profile, reach, out):  # type: ignore[no-untyped-def]
+    """Maximum-likelihood shift of the tip's profile. histogram, profile: (n,). out (2,): shift px, sigma px (0: none)."""
+    n = histogram.shape[0]
+    best, best_shift = -1e18, 0
+    scores = np.empty(2 * reach + 1)
+    for shift in range(-reach, reach + 1):
+        value = 0.0
+        norm = 0.0
+        for i in range(n):
+            norm += profile[min(max(i - shift, 0), n - 1)]
+        for i in range(n):
+            if histogram[i] > 0.0:
+                value += histogram[i] * np.log(profile[min(max(i - shift, 0), n - 1)] / norm)
+        scores[shift + reach] = value
+        if value > best:
+            best, best_shift = value, shift
+    out[0] = best_shift
+    out[1] = 0.0
+    k = best_shift + reach
+    if k < 2 or k > 2 * reach - 2:
+        return
+    bend = scores[k - 2] - 2.0 * scores[k] + scores[k + 2]
+    if bend >= -0.05:
+        return
+    out[0] = best_shift + (scores[k - 2] - scores[k + 2]) / bend
+    out[1] = 2.0 * np.sqrt(-1.0 / bend)

@@ -1,0 +1,311 @@
+"""What is measured at either end of a DLO: the patch of what holds it, or its free tip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from motiondlo.frames.types import EndKind, FloatArray
+from motiondlo.tracking.inextensible.curve_kernels import sample_at
+from motiondlo.tracking.inextensible.end_kernels import (
+    collect_patch,
+    collect_tip,
+    learn_patch,
+    match_patch,
+    match_tip,
+)
+from motiondlo.tracking.inextensible.filter_kernels import END_A, RATIO_A
+from motiondlo.tracking.inextensible.params import InextensibleParams
+
+Int64Array = npt.NDArray[np.int64]
+
+_PATCH_CAPACITY = 8000
+_TIP_REACH_PX = 40
+_TIP_SEARCH_PX = 14
+
+
+@dataclass
+class Rows:
+    """Preallocated measurement rows; ``count`` of them are filled."""
+
+    h: FloatArray
+    z: FloatArray
+    w: FloatArray
+    robust: npt.NDArray[np.uint8]
+    count: int = 0
+
+    def add(self, values: FloatArray, z: float, sigma: float, robust: bool = False) -> None:
+        """Append one row; ``values`` (N,)."""
+        if self.count < len(self.z):
+            self.h[self.count] = values
+            self.z[self.count] = z
+            self.w[self.count] = 1.0 / sigma**2
+            self.robust[self.count] = robust
+            self.count += 1
+
+
+@dataclass
+class EndPose:
+    """An end of the predicted curve and how it depends on the state."""
+
+    place: FloatArray
+    """(2,) px."""
+    outward: FloatArray
+    """(2,) unit vector away from the DLO."""
+    velocity: FloatArray
+    """(2,) px/ms."""
+    omega: float
+    """rad/ms."""
+    jacobian: FloatArray
+    """(2, n)."""
+    angle_row: FloatArray
+    """(K,) d theta / d c."""
+    acceleration: float
+    """|px/ms^2| lately."""
+
+
+@dataclass
+class EndTracker:
+    """One end. ``index`` 0 is the first node's, 1 the last node's; ``s_px`` its material coordinate."""
+
+    index: int
+    kind: EndKind
+    s_px: float
+    params: InextensibleParams
+    radius_px: float
+    reference: FloatArray
+    """(2,) place of the end when the track started."""
+    template: npt.NDArray[np.float32] = field(init=False)
+    log_template: npt.NDArray[np.float32] = field(init=False)
+    tip_profile: FloatArray = field(init=False)
+    learned: int = 0
+    tip_learned: int = 0
+    patch_events: int = 0
+    quiet_ms: float = 0.0
+    shift_px: float = 0.0
+    tip_shift_px: float = float("nan")
+
+    def __post_init__(self) -> None:
+        p = self.params
+        rows = int(p.patch_length_px + p.patch_inward_px) + 1
+        columns = int(2 * p.patch_half_width_px) + 1
+        self.template = np.full((rows, columns), 1.0 / (rows * columns), np.float32)
+        self.log_template = np.zeros((rows, columns), np.float32)
+        at = np.arange(-_TIP_REACH_PX, _TIP_REACH_PX + 1)
+        self.tip_profile = 0.03 + 0.97 / (1.0 + np.exp((at - 1.0) / 1.2))
+        self._histogram = np.zeros(2 * _TIP_REACH_PX + 1)
+        self._a = np.empty(_PATCH_CAPACITY, np.float32)
+        self._b = np.empty(_PATCH_CAPACITY, np.float32)
+        self._match = np.zeros(7)
+        self._tip = np.zeros(2)
+        self._window_ms = 1.0
+
+    @property
+    def held(self) -> bool:
+        """Whether something rigid may hold this end."""
+        return self.kind in (EndKind.HELD, EndKind.UNKNOWN)
+
+    @property
+    def free(self) -> bool:
+        """Whether this end is a tip that can be measured."""
+        return self.kind is EndKind.TIP
+
+    def observe(
+        self,
+        surface: Int64Array,
+        t_us: int,
+        dt_ms: float,
+        pose: EndPose,
+        x: FloatArray,
+        rows: Rows,
+        width: int,
+        height: int,
+    ) -> None:
+        """Append the rows that this end gives now."""
+        self.tip_shift_px = float("nan")
+        self.shift_px = 0.0
+        if self.held:
+            self._observe_patch(surface, t_us, dt_ms, pose, x, rows, width, height)
+        elif self.free:
+            self._observe_tip(surface, t_us, dt_ms, pose, x, rows, width, height)
+
+    def learn(self, surface: Int64Array, t_us: int, pose: EndPose, x: FloatArray, trusted: bool) -> None:
+        """Learn the patch or the tip's profile at the corrected pose."""
+        p = self.params
+        speed = float(np.hypot(*pose.velocity))
+        if self.held and self.patch_events >= p.patch_events_min and trusted and abs(self.shift_px) < 2.5:
+            count, _ = self._collect(surface, t_us, pose, x)
+            rate = max(p.patch_learn_rate if speed > 0.5 else 0.3 * p.patch_learn_rate, 1.0 / (self.learned + 1))
+            learn_patch(
+                self.template, self.log_template, self._a, self._b, count,
+                -p.patch_inward_px, p.patch_half_width_px, rate, 0.3,
+            )  # fmt: skip
+            self.learned += 1
+        if self.free and trusted and np.isfinite(self.tip_shift_px):
+            if self.tip_learned > 10 and abs(self.tip_shift_px) > 4.0:
+                return
+            count, _ = self._tip_histogram(surface, t_us, pose)
+            if count >= p.tip_events_min:
+                smooth = np.convolve(self._histogram, [0.25, 0.5, 0.25], "same")
+                target = smooth / max(smooth.max(), 1e-9) + 0.03
+                self.tip_learned += 1
+                rate = max(p.tip_learn_rate, 0.3 / self.tip_learned)
+                self.tip_profile += rate * (target - self.tip_profile)
+
+    def _window(self, pose: EndPose) -> float:
+        p = self.params
+        speed = float(np.hypot(*pose.velocity))
+        longest = np.sqrt(p.window_acceleration_px / max(pose.acceleration, 1e-3))
+        return float(np.clip(4.0 / max(speed, 1e-3), p.window_min_ms, np.clip(longest, 1.5, p.window_max_ms)))
+
+    def _collect(self, surface: Int64Array, t_us: int, pose: EndPose, x: FloatArray) -> tuple[int, float]:
+        p = self.params
+        ratio = float(x[len(x) - 5 + RATIO_A + self.index])
+        origin = pose.place + ratio * (pose.place - self.reference)
+        count, age = collect_patch(
+            surface, t_us, origin[0], origin[1], pose.outward[0], pose.outward[1],
+            pose.velocity[0] * (1.0 + ratio), pose.velocity[1] * (1.0 + ratio), pose.omega,
+            self._window_ms, p.latency_ms, -p.patch_inward_px, p.patch_length_px, p.patch_half_width_px,
+            1.4 * self.radius_px, self._a, self._b,
+        )  # fmt: skip
+        return int(count), float(age)
+
+    def _observe_patch(
+        self,
+        surface: Int64Array,
+        t_us: int,
+        dt_ms: float,
+        pose: EndPose,
+        x: FloatArray,
+        rows: Rows,
+        width: int,
+        height: int,
+    ) -> None:
+        p = self.params
+        n = pose.jacobian.shape[1]
+        size = len(x)
+        self._window_ms = self._window(pose)
+        inside = -20.0 < pose.place[0] < width + 20.0 and -20.0 < pose.place[1] < height + 20.0
+        self.patch_events = 0
+        if not inside:
+            self.quiet_ms = 0.0
+            return
+        count, age = self._collect(surface, t_us, pose, x)
+        self.patch_events = count
+        across = np.array([-pose.outward[1], pose.outward[0]])
+        ratio = float(x[size - 5 + RATIO_A + self.index])
+        centre = pose.place + 0.4 * p.patch_length_px * pose.outward
+        seen = 0.0 < centre[0] < width and 0.0 < centre[1] < height
+        if count < p.patch_events_min:
+            self.quiet_ms = self.quiet_ms + dt_ms if count < p.patch_events_min // 2 and seen else 0.0
+            if self.learned >= 3 and self.quiet_ms > 1.5:
+                for axis in (pose.outward, across):
+                    row = np.zeros(size)
+                    row[n : 2 * n] = axis @ pose.jacobian
+                    rows.add(row, -float(axis @ pose.velocity), p.patch_rest_sigma / np.sqrt(dt_ms))
+                row = np.zeros(size)
+                row[n + 2 : 2 * n] = pose.angle_row
+                rows.add(row, -pose.omega, 0.01 / np.sqrt(dt_ms))
+            return
+        self.quiet_ms = 0.0
+        if self.learned < 3:
+            return
+        match_patch(
+            self.log_template, self._a, self._b, count, -p.patch_inward_px, p.patch_half_width_px,
+            p.patch_reach_px, p.patch_events_used, self._match,
+        )  # fmt: skip
+        used = min(count, p.patch_events_used)
+        self.shift_px = float(np.hypot(self._match[0], self._match[1]))
+        if self.shift_px >= p.patch_reach_px or self._match[3] < 0.1:
+            return
+        reuse = np.sqrt(max(1.0, self._window_ms / dt_ms))
+        for k, axis in enumerate((pose.outward, across)):
+            curvature = float(self._match[4 + k]) * used
+            if curvature < 0.02:
+                continue
+            row = np.zeros(size)
+            base = axis @ pose.jacobian
+            row[:n] = (1.0 + ratio) * base
+            row[n : 2 * n] = -age * p.age_share * (1.0 + ratio) * base
+            row[size - 5 + RATIO_A + self.index] = float(axis @ (pose.place - self.reference))
+            rows.add(row, float(self._match[k]), float(np.hypot(p.patch_sigma_px, 2.0 / np.sqrt(curvature)) * reuse))
+        if self._match[6] * used > 100.0:
+            row = np.zeros(size)
+            row[2:n] = pose.angle_row
+            row[n + 2 : 2 * n] = -age * p.age_share * pose.angle_row
+            rows.add(row, float(self._match[2]), p.patch_angle_sigma_rad * reuse)
+
+    def _tip_histogram(self, surface: Int64Array, t_us: int, pose: EndPose) -> tuple[int, float]:
+        count, age = collect_tip(
+            surface, t_us, pose.place[0], pose.place[1], pose.outward[0], pose.outward[1], pose.velocity[0],
+            pose.velocity[1], self._window_ms, self.params.latency_ms, self.radius_px + 2.0, self._histogram,
+        )  # fmt: skip
+        return int(count), float(age)
+
+    def _observe_tip(
+        self,
+        surface: Int64Array,
+        t_us: int,
+        dt_ms: float,
+        pose: EndPose,
+        x: FloatArray,
+        rows: Rows,
+        width: int,
+        height: int,
+    ) -> None:
+        p = self.params
+        n = pose.jacobian.shape[1]
+        size = len(x)
+        speed = float(np.hypot(*pose.velocity))
+        margin = 12.0
+        if not (margin < pose.place[0] < width - margin and margin < pose.place[1] < height - margin) or speed < 0.3:
+            return
+        self._window_ms = self._window(pose)
+        count, age = self._tip_histogram(surface, t_us, pose)
+        if count < p.tip_events_min:
+            return
+        match_tip(self._histogram, self.tip_profile, _TIP_SEARCH_PX, self._tip)
+        if self._tip[1] <= 0.0:
+            return
+        self.tip_shift_px = float(self._tip[0])
+        base = pose.outward @ pose.jacobian
+        row = np.zeros(size)
+        row[:n] = base
+        row[n : 2 * n] = -age * p.age_share * base
+        row[size - 5 + END_A + self.index] = -1.0 if self.index == 0 else 1.0
+        reuse = max(1.0, self._window_ms / dt_ms)
+        sigma = float(np.sqrt((p.tip_sigma_px**2 + 4.0 * self._tip[1] ** 2 + (0.2 * age**2) ** 2) * reuse))
+        rows.add(row, self.tip_shift_px, sigma, robust=True)
+
+
+def end_pose(
+    index: int, s_px: float, points: FloatArray, theta: FloatArray, jacobian: FloatArray, basis: FloatArray,
+    s_lo_px: float, ds_px: float, stride: int, x: FloatArray, before_velocity: FloatArray | None, dt_ms: float,
+) -> EndPose:  # fmt: skip
+    """The pose of an end at material coordinate ``s_px`` on the placed curve."""
+    n = jacobian.shape[2]
+    out = np.empty(3)
+    sample_at(points, theta, s_lo_px, ds_px, s_px, out)
+    u = (s_px - s_lo_px) / ds_px
+    sample = int(np.clip(round(u), 0, len(basis) - 1))
+    m = min(max(u / stride, 0.0), len(jacobian) - 1.0)
+    i = min(int(m), len(jacobian) - 2)
+    f = m - i
+    jac = (1.0 - f) * jacobian[i] + f * jacobian[i + 1]
+    direction = np.array([np.cos(out[2]), np.sin(out[2])])
+    rates = x[n : 2 * n]
+    velocity = jac @ rates
+    acceleration = 0.0
+    if before_velocity is not None:
+        acceleration = float(np.hypot(*(velocity - before_velocity))) / dt_ms
+    return EndPose(
+        out[:2].copy(),
+        -direction if index == 0 else direction,
+        velocity,
+        float(basis[sample] @ rates[2:]),
+        jac,
+        basis[sample],
+        acceleration,
+    )

@@ -1,0 +1,136 @@
+"""The extended Kalman filter of a curve: prediction, rows of measurements, robust solution.
+
+Legend: state ``x`` (N,) = pose ``q`` (n,), its rates (n,) per ms, and five constants of the DLO: stretch - 1, offsets of
+both ends along the material (px), height ratios of what holds either end. ``C`` (N, N) its covariance. Rows of
+measurements: ``z = H (x - x_predicted)`` with weight ``w = 1 / sigma^2``.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+CONSTANTS = 5
+STRETCH, END_A, END_B, RATIO_A, RATIO_B = 0, 1, 2, 3, 4
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def predict(x, cov, n, dt_ms, decay, acceleration, scale, constants_q):  # type: ignore[no-untyped-def]
+    """Advance state and covariance in place by ``dt_ms``.
+
+    acceleration: (n, n) covariance of a unit acceleration field, times ``scale`` px^2/ms^3; decay: factor of the rates;
+    constants_q: (5,) random-walk variances per ms.
+    """
+    size = x.shape[0]
+    for i in range(n):
+        x[i] += dt_ms * x[n + i]
+        x[n + i] *= decay
+    for i in range(n):
+        for j in range(n):
+            cov[i, j] += dt_ms * (cov[i, n + j] + cov[n + i, j]) + dt_ms * dt_ms * cov[n + i, n + j]
+    for i in range(n):
+        for j in range(n):
+            cov[i, n + j] = (cov[i, n + j] + dt_ms * cov[n + i, n + j]) * decay
+    for i in range(n):
+        for j in range(2 * n, size):
+            cov[i, j] += dt_ms * cov[n + i, j]
+            cov[n + i, j] *= decay
+            cov[j, i] = cov[i, j]
+            cov[j, n + i] = cov[n + i, j]
+    q3 = scale * dt_ms**3 / 3.0
+    q2 = scale * dt_ms**2 / 2.0
+    q1 = scale * dt_ms
+    for i in range(n):
+        for j in range(n):
+            cov[i, j] += q3 * acceleration[i, j]
+            cov[i, n + j] += q2 * acceleration[i, j]
+            cov[n + i, n + j] = cov[n + i, n + j] * decay * decay + q1 * acceleration[i, j]
+    for i in range(n):
+        for j in range(n):
+            cov[n + j, i] = cov[i, n + j]
+    for k in range(CONSTANTS):
+        cov[2 * n + k, 2 * n + k] += constants_q[k] * dt_ms
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def place_stations(  # type: ignore[no-untyped-def]
+    x, cov, n, points, theta, jacobian, stride, ds_px, p_out, th_out, kappa, vn, vt, omega, h_normal, h_stretch, sn, sv
+):
+    """Station quantities of a placed curve.
+
+    Out: p_out (m, 2), th_out, kappa (1/px), vn, vt (px/ms), omega (rad/ms: slope of vn along the curve), h_normal
+    (m, n): derivative of the normal coordinate, h_stretch (m,), sn, sv: standard deviations of normal position and rate.
+    """
+    m = jacobian.shape[0]
+    samples = points.shape[0]
+    pixel = ds_px * (1.0 + x[2 * n + STRETCH])
+    for i in range(m):
+        j = i * stride
+        p_out[i, 0] = points[j, 0]
+        p_out[i, 1] = points[j, 1]
+        th_out[i] = theta[j]
+        a, b = max(j - 1, 0), min(j + 1, samples - 1)
+        kappa[i] = (theta[b] - theta[a]) / ((b - a) * pixel)
+        tx, ty = np.cos(theta[j]), np.sin(theta[j])
+        v_normal = 0.0
+        v_tangent = 0.0
+        for k in range(n):
+            h = -ty * jacobian[i, 0, k] + tx * jacobian[i, 1, k]
+            h_normal[i, k] = h
+            v_normal += h * x[n + k]
+            v_tangent += (tx * jacobian[i, 0, k] + ty * jacobian[i, 1, k]) * x[n + k]
+        vn[i] = v_normal
+        vt[i] = v_tangent
+        stretch = 1.0 + x[2 * n + STRETCH]
+        h_stretch[i] = (-ty * (points[j, 0] - x[0]) + tx * (points[j, 1] - x[1])) / stretch
+    for i in range(m):
+        a, b = max(i - 1, 0), min(i + 1, m - 1)
+        # d p / d s rotates with the curve: the slope of vn along s, less what the curvature takes from vt.
+        omega[i] = (vn[b] - vn[a]) / ((b - a) * stride * pixel) + kappa[i] * vt[i]
+        s_pos = 0.0
+        s_vel = 0.0
+        for k in range(n):
+            row_p = 0.0
+            row_v = 0.0
+            for c in range(n):
+                row_p += cov[k, c] * h_normal[i, c]
+                row_v += cov[n + k, n + c] * h_normal[i, c]
+            s_pos += row_p * h_normal[i, k]
+            s_vel += row_v * h_normal[i, k]
+        sn[i] = np.sqrt(max(s_pos, 1e-6))
+        sv[i] = np.sqrt(max(s_vel, 1e-8))
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def solve(x, cov, h, z, w, rows, nu, passes, robust, residual):  # type: ignore[no-untyped-def]
+    """Student-t weighted update in place from ``rows`` measurements.
+
+    h: (R, N), z, w: (R,), robust: (R,) uint8 1 where the weight falls with the residual. residual (R,) is set to
+    ``z - H dx`` after the update.
+    """
+    size = x.shape[0]
+    prior = np.linalg.inv(cov)
+    hr = np.ascontiguousarray(h[:rows])
+    dx = np.zeros(size)
+    weight = np.empty(rows)
+    hw = np.empty((rows, size))
+    a = prior
+    for _ in range(passes):
+        res = z[:rows] - hr @ dx
+        for i in range(rows):
+            weight[i] = w[i]
+            if robust[i] and w[i] > 0.0:
+                weight[i] = w[i] * (nu + 1.0) / (nu + res[i] * res[i] * w[i])
+            for k in range(size):
+                hw[i, k] = weight[i] * hr[i, k]
+        a = prior + hr.T @ hw
+        rhs = hw.T @ z[:rows]
+        dx = np.linalg.solve(a, rhs)
+    posterior = np.linalg.inv(a)
+    for i in range(size):
+        x[i] += dx[i]
+        for j in range(size):
+            cov[i, j] = 0.5 * (posterior[i, j] + posterior[j, i])
+    final = z[:rows] - hr @ dx
+    for i in range(rows):
+        residual[i] = final[i]

@@ -1,0 +1,87 @@
+"""Signed edge profiles of stations from the look of a DLO in a frame.
+
+A profile is the density of motion-compensated events over the offset ``d`` along the normal (bins of half a pixel), in
+two rows: where luminance rises along the normal, and where it falls. Both silhouettes lie at plus and minus the radius
+whatever the light does; their signs, and what lies between and beyond (highlights, prints, the cast shadow), come from
+the frame's straightened strip.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from motiondlo.frames.types import Appearance, FloatArray
+from motiondlo.tracking.inextensible.observe_kernels import BINS_PER_PX
+from motiondlo.tracking.inextensible.params import InextensibleParams
+
+Float32Array = npt.NDArray[np.float32]
+
+
+def profile_bins(radius_px: float, reach_px: float) -> int:
+    """How many half-pixel bins a profile has: odd, symmetric about the centreline."""
+    return 2 * int(np.ceil((radius_px + reach_px) * BINS_PER_PX)) + 1
+
+
+def prior_profiles(
+    s_px: FloatArray, radius_px: float, appearance: Appearance | None, params: InextensibleParams
+) -> Float32Array:
+    """Profiles (m, 2, bins) float32 at material coordinates ``s_px`` (m,); each sums to 1.
+
+    Without an appearance both signs are equally likely at both silhouettes.
+    """
+    bins = profile_bins(radius_px, params.profile_reach_px)
+    d = (np.arange(bins) - (bins - 1) / 2) / BINS_PER_PX
+    edges = np.stack([np.exp(-0.5 * ((d - side * radius_px) / params.edge_width_px) ** 2) for side in (-1.0, 1.0)])
+    edges /= edges.sum(axis=1, keepdims=True)
+    profiles = np.zeros((len(s_px), 2, bins))
+    if appearance is None:
+        profiles[:] = 0.25 * edges.sum(axis=0)
+        return np.asarray(profiles, dtype=np.float32)
+    gradient, rise = _strip_gradient(s_px, d, radius_px, appearance)
+    visible_rise = np.tanh(np.abs(rise) / params.contrast_scale)
+    for side in range(2):
+        positive = 0.5 * (1.0 + np.tanh(rise[:, side] / params.contrast_sign))
+        weight = 0.15 + visible_rise[:, side]
+        profiles[:, 0] += (weight * positive)[:, None] * edges[side]
+        profiles[:, 1] += (weight * (1.0 - positive))[:, None] * edges[side]
+    inner = np.stack([np.maximum(gradient, 0.0), np.maximum(-gradient, 0.0)], axis=1)
+    inner = np.sqrt(np.maximum(inner - params.gradient_floor, 0.0))
+    total = np.maximum(inner.sum(axis=(1, 2)), 1e-6)
+    # A board without texture and a matt DLO give nothing but noise between the silhouettes: do not blow it up.
+    share = params.interior_share * np.minimum(1.0, total / 10.0)
+    profiles *= ((1.0 - share) / profiles.sum(axis=(1, 2)))[:, None, None]
+    profiles += (share / total)[:, None, None] * inner
+    return np.asarray(profiles / profiles.sum(axis=(1, 2), keepdims=True), dtype=np.float32)
+
+
+def _strip_gradient(
+    s_px: FloatArray, d: FloatArray, radius_px: float, appearance: Appearance
+) -> tuple[FloatArray, FloatArray]:
+    """Gradient of log-luminance along the normal (m, bins) per px, and its rise across either silhouette (m, 2)."""
+    strip = appearance.strip.astype(np.float64)
+    rows, columns = strip.shape
+    half = max(1, int(round(6.0 / appearance.ds_px)))
+    padded = np.pad(strip, ((half, half), (0, 0)), mode="edge").cumsum(axis=0)
+    smooth = (padded[2 * half :] - np.concatenate([np.zeros((1, columns)), padded[: -2 * half - 1]])) / (2 * half + 1)
+    row = np.clip(np.round((s_px - appearance.s0_px) / appearance.ds_px).astype(int), 0, rows - 1)
+    offsets = (np.arange(columns) - (columns - 1) / 2) * appearance.dn_px
+
+    def sampled(at: FloatArray) -> FloatArray:
+        return np.stack([np.interp(at, offsets, smooth[r]) for r in row])
+
+    gradient = (sampled(d + 0.5) - sampled(d - 0.5)) / 1.0
+    rise = np.stack(
+        [
+            sampled(np.array([side * radius_px + 2.5]))[:, 0] - sampled(np.array([side * radius_px - 2.5]))[:, 0]
+            for side in (-1.0, 1.0)
+        ],
+        axis=1,
+    )
+    return gradient, rise
+
+
+def log_ratios(profiles: Float32Array, floor: float) -> Float32Array:
+    """Log-likelihood ratios against a uniform density; ``floor`` is added to both. Same shape, float32."""
+    bins = profiles.shape[2]
+    return np.asarray(np.log((profiles + floor) / (0.5 / bins + floor)), dtype=np.float32)

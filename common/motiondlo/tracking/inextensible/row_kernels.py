@@ -1,0 +1,121 @@
+"""Rows of measurements of the filter, written into preallocated arrays (see :mod:`filter_kernels` for the legend)."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from motiondlo.tracking.inextensible.filter_kernels import STRETCH
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def station_rows(  # type: ignore[no-untyped-def]
+    n, dt_ms, h_normal, h_stretch, vn, sn, offset, sigma, age, count, quality, window_ms, active, alive,
+    sigma_floor, sigma_age, age_share, quality_min, events_min, rest_sigma, rest_velocity,
+    h, z, w, robust, good, nis,
+):  # fmt: skip
+    """Write the rows of all stations; returns (rows, stations seen, stations that could be seen).
+
+    A station with a matched profile binds its normal coordinate at the mean age of its events; one that is visible and
+    silent binds its normal rate to zero. Out: good (m,) uint8, nis (m,) squared innovation over its variance.
+    """
+    m = h_normal.shape[0]
+    size = h.shape[1]
+    rows = 0
+    seen = 0
+    could = 0
+    for i in range(m):
+        good[i] = 0
+        nis[i] = 0.0
+        if not active[i]:
+            continue
+        could += 1
+        if sigma[i] > 0.0 and count[i] >= events_min and quality[i] > quality_min:
+            r = sigma_floor**2 + 4.0 * sigma[i] ** 2 + (sigma_age * age[i] ** 2) ** 2
+            r *= max(1.0, window_ms[i] / dt_ms)
+            for k in range(size):
+                h[rows, k] = 0.0
+            for k in range(n):
+                h[rows, k] = h_normal[i, k]
+                h[rows, n + k] = -age[i] * age_share * h_normal[i, k]
+            h[rows, 2 * n + STRETCH] = h_stretch[i]
+            z[rows] = offset[i]
+            w[rows] = 1.0 / r
+            robust[rows] = 1
+            good[i] = 1
+            nis[i] = offset[i] ** 2 / (r + sn[i] ** 2)
+            rows += 1
+            seen += 1
+        elif count[i] < events_min // 2 and abs(vn[i]) < rest_velocity and alive[i] > 0.5:
+            for k in range(size):
+                h[rows, k] = 0.0
+            for k in range(n):
+                h[rows, n + k] = h_normal[i, k]
+            z[rows] = -vn[i]
+            w[rows] = dt_ms / rest_sigma**2
+            robust[rows] = 0
+            rows += 1
+    return rows, seen, could
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def bend_rows(rows, n, dt_ms, x, memory, bend_sigma, rate_sigma, h, z, w, robust):  # type: ignore[no-untyped-def]
+    """Second differences of the angle coefficients stay near the remembered ones, those of the rates near zero."""
+    size = h.shape[1]
+    for k in range(3, n - 1):
+        for part in range(2):
+            base = part * n + k
+            for j in range(size):
+                h[rows, j] = 0.0
+            h[rows, base - 1] = 1.0
+            h[rows, base] = -2.0
+            h[rows, base + 1] = 1.0
+            now = x[base - 1] - 2.0 * x[base] + x[base + 1]
+            z[rows] = (memory[k] if part == 0 else 0.0) - now
+            w[rows] = dt_ms / (bend_sigma if part == 0 else rate_sigma) ** 2
+            robust[rows] = 0
+            rows += 1
+    return rows
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def remember_bend(n, x, share, memory):  # type: ignore[no-untyped-def]
+    """Let the remembered bend follow the estimate."""
+    for k in range(3, n - 1):
+        memory[k] += share * (x[k - 1] - 2.0 * x[k] + x[k + 1] - memory[k])
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def update_support(dt_ms, active, good, count, vn, events_min, alive, support):  # type: ignore[no-untyped-def]
+    """Alive: the station is known to be in view; support: it was seen lately, or rests where it was seen. (m,) 0..1."""
+    for i in range(alive.shape[0]):
+        if not active[i]:
+            alive[i] *= np.exp(-dt_ms / 5.0)
+            support[i] *= np.exp(-dt_ms / 5.0)
+        elif good[i]:
+            alive[i] = min(1.0, alive[i] + 0.1 * dt_ms)
+            support[i] = min(1.0, support[i] + 0.2 * dt_ms)
+        elif abs(vn[i]) > 0.7:
+            if count[i] < events_min:
+                alive[i] = max(0.0, alive[i] - 0.1 * dt_ms)
+            support[i] = max(0.0, support[i] - 0.05 * dt_ms)
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def node_covariances(cov, n, jacobian, out):  # type: ignore[no-untyped-def]
+    """Position covariance xx, xy, yy at the stations from the pose's. jacobian (m, 2, n), out (m, 3)."""
+    m = jacobian.shape[0]
+    pose = np.ascontiguousarray(cov[:n, :n])
+    for i in range(m):
+        j = np.ascontiguousarray(jacobian[i])
+        a = j @ pose
+        xx = 0.0
+        xy = 0.0
+        yy = 0.0
+        for k in range(n):
+            xx += a[0, k] * j[0, k]
+            xy += a[0, k] * j[1, k]
+            yy += a[1, k] * j[1, k]
+        out[i, 0] = xx
+        out[i, 1] = xy
+        out[i, 2] = yy
