@@ -24,9 +24,10 @@ from motiondlo.tracking.inextensible.filter_kernels import (
 )
 from motiondlo.tracking.inextensible.observe_kernels import learn_profiles, observe_stations
 from motiondlo.tracking.inextensible.params import InextensibleParams
-from motiondlo.tracking.inextensible.profiles import log_ratios, prior_profiles
+from motiondlo.tracking.inextensible.profiles import log_ratios, prior_profiles, visible_at_start
 from motiondlo.tracking.inextensible.row_kernels import (
     bend_rows,
+    find_end,
     node_covariances,
     remember_bend,
     station_rows,
@@ -91,6 +92,7 @@ class InextensibleDlo:
         )
         self.residual = np.zeros(capacity)
         self.accel = np.zeros(m)
+        self._edge = np.zeros(2)
         self.vn_past: list[FloatArray] = []
         # look
         self.prior = prior_profiles(s, self.radius_px, correction.appearance, params)
@@ -134,8 +136,10 @@ class InextensibleDlo:
         remember_bend(n, self.x, 1.0, self.memory)
         # visibility
         inside_shape = (s >= -1.0) & (s <= length + 1.0)
-        self.alive = inside_shape.astype(np.float64)
-        self.support = inside_shape.astype(np.float64)
+        self.alive = (inside_shape & visible_at_start(s, self.radius_px, correction.appearance)).astype(np.float64)
+        self.support = self.alive.copy()
+        self.absent_ms = np.zeros(m)
+        self.known_s_px = [0.0, length]
         self.noise_factor = 1.0
         self.silent_ms = 0.0
         self.frozen = True
@@ -184,7 +188,7 @@ class InextensibleDlo:
             return float(end.s_px + self.x[2 * self.n + END_A + index])
         reach = {EndKind.HELD: 0.8 * self.params.held_reach_px}.get(end.kind, 0.0)
         if end.kind is EndKind.BORDER:
-            return float(self.s_px[0] if index == 0 else self.s_px[-1])
+            return float(self.known_s_px[index] + sign * self.params.station_px)
         return end.s_px + sign * reach
 
     # the step
@@ -244,7 +248,10 @@ class InextensibleDlo:
             remember_bend(n, self.x, p.bend_memory * dt_ms, self.memory)
             self._adapt(dt_ms)
             self._learn(surface, t_us, active, dt_ms)
-        update_support(dt_ms, active, self.good, self.count, self.vn, p.events_min, self.alive, self.support)
+        update_support(
+            dt_ms, active, self.good, self.count, self.vn, p.events_min, self.alive, self.support, self.absent_ms
+        )
+        self._follow_open_ends(surface, t_us, dt_ms)
         self.vn_past.append(self.vn.copy())
         del self.vn_past[:-4]
         for k, pose in enumerate(poses):
@@ -252,7 +259,9 @@ class InextensibleDlo:
         self._state = None
 
     def _active(self) -> npt.NDArray[np.bool_]:
-        lo, hi = self.end_s_px(0), self.end_s_px(1)
+        open_end = [end.kind is EndKind.BORDER for end in self.ends]
+        lo = -np.inf if open_end[0] else self.end_s_px(0)
+        hi = np.inf if open_end[1] else self.end_s_px(1)
         x, y = self.p[:, 0], self.p[:, 1]
         inside = (x > -2) & (y > -2) & (x < self.geometry.width_px + 2) & (y < self.geometry.height_px + 2)
         half = 0.25 * self.params.station_px
@@ -274,6 +283,30 @@ class InextensibleDlo:
         travel = p.window_travel_px / np.maximum(np.abs(self.vn), 1e-3)
         self.window_max = np.clip(np.minimum(longest, travel), 1.5 * p.window_min_ms, p.window_max_ms)
         self.band = np.clip(p.band_px + 2.0 * self.sn, p.band_px, p.band_max_px)
+
+    def _follow_open_ends(self, surface: Int64Array, t_us: int, dt_ms: float) -> None:
+        """Let a DLO that came from beyond the image grow as it comes in, and find its end."""
+        p = self.params
+        for end in self.ends:
+            if end.kind is not EndKind.BORDER or self.seen < 5:
+                continue
+            sign = 1.0 if end.index else -1.0
+            sure = self.s_px[(self.good > 0) & (self.alive > 0.3)]
+            if len(sure):
+                outermost = float((sign * sure).max() * sign)
+                if sign * (outermost - self.known_s_px[end.index]) > 0.0:
+                    self.known_s_px[end.index] = outermost
+            if find_end(
+                int(sign), p.end_absent_ms, 12.0, self.geometry.width_px, self.geometry.height_px, self.p, self.s_px,
+                self.good, self.absent_ms, self._edge,
+            ):  # fmt: skip
+                end.kind = EndKind.TIP
+                end.s_px = float(self._edge.mean())
+                k = 2 * self.n + END_A + end.index
+                self.x[k] = 0.0
+                self.cov[k, :] = 0.0
+                self.cov[:, k] = 0.0
+                self.cov[k, k] = p.end_found_sigma_px**2
 
     def _idle(self, speed: float) -> bool:
         p = self.params

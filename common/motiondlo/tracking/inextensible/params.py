@@ -84,6 +84,8 @@ class InextensibleParams(BaseModel):
     patch_rest_sigma: float = Field(0.15, ge=0.01, le=5.0, description="velocity of a silent gripper, px/ms sqrt(ms)")
     tip_sigma_px: float = Field(1.5, ge=0.1, le=20.0, description="standard deviation of a tip's place")
     tip_offset_sigma_px: float = Field(3.0, ge=0.1, le=40.0, description="standard deviation of the first frame's tip")
+    end_absent_ms: float = Field(4.0, ge=0.5, le=100.0, description="absence after which an open end is a tip")
+    end_found_sigma_px: float = Field(8.0, ge=0.5, le=40.0, description="standard deviation of a tip just found")
     tip_events_min: int = Field(40, ge=5, le=2000, description="fewest events of a tip that are matched")
     tip_learn_rate: float = Field(0.02, ge=0.0, le=0.5, description="learning of a tip's profile an update")
 

@@ -81,6 +81,15 @@ def _strip_gradient(
     return gradient, rise
 
 
+def visible_at_start(s_px: FloatArray, radius_px: float, appearance: Appearance | None) -> npt.NDArray[np.bool_]:
+    """(m,) whether the silhouettes are to be seen in the frame at ``s_px``: what is covered there is not at rest."""
+    if appearance is None:
+        return np.ones(len(s_px), dtype=bool)
+    _, rise = _strip_gradient(s_px, np.zeros(1), radius_px, appearance)
+    strength = np.abs(rise).sum(axis=1)
+    return np.asarray(strength > 0.35 * np.median(strength))
+
+
 def log_ratios(profiles: Float32Array, floor: float) -> Float32Array:
     """Log-likelihood ratios against a uniform density; ``floor`` is added to both. Same shape, float32."""
     bins = profiles.shape[2]

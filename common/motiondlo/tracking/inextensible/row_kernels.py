@@ -46,7 +46,19 @@ def station_rows(  # type: ignore[no-untyped-def]
             nis[i] = offset[i] ** 2 / (r + sn[i] ** 2)
             rows += 1
             seen += 1
-        elif count[i] < events_min // 2 and abs(vn[i]) < rest_velocity and alive[i] > 0.5:
+    for i in range(m):
+        if not active[i] or good[i]:
+            continue
+        if count[i] < events_min // 2 and abs(vn[i]) < rest_velocity and alive[i] > 0.5:
+            # Silent between two parts that move: covered, not at rest.
+            a = i - 1
+            while a >= 0 and not good[a]:
+                a -= 1
+            b = i + 1
+            while b < m and not good[b]:
+                b += 1
+            if a >= 0 and b < m and abs(vn[a]) > rest_velocity and abs(vn[b]) > rest_velocity:
+                continue
             for k in range(size):
                 h[rows, k] = 0.0
             for k in range(n):
@@ -86,19 +98,54 @@ def remember_bend(n, x, share, memory):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def update_support(dt_ms, active, good, count, vn, events_min, alive, support):  # type: ignore[no-untyped-def]
-    """Alive: the station is known to be in view; support: it was seen lately, or rests where it was seen. (m,) 0..1."""
+def update_support(dt_ms, active, good, count, vn, events_min, alive, support, absent_ms):  # type: ignore[no-untyped-def]
+    """Follow what is known of every station; all (m,).
+
+    alive 0..1: it is known to be in view; support 0..1: it was seen lately, or rests where it was seen; absent_ms: how
+    long it should have been seen, moving in view, and was not.
+    """
     for i in range(alive.shape[0]):
         if not active[i]:
             alive[i] *= np.exp(-dt_ms / 5.0)
             support[i] *= np.exp(-dt_ms / 5.0)
+            absent_ms[i] = 0.0
         elif good[i]:
             alive[i] = min(1.0, alive[i] + 0.1 * dt_ms)
             support[i] = min(1.0, support[i] + 0.2 * dt_ms)
+            absent_ms[i] = max(0.0, absent_ms[i] - 3.0 * dt_ms)
         elif abs(vn[i]) > 0.7:
             if count[i] < events_min:
                 alive[i] = max(0.0, alive[i] - 0.1 * dt_ms)
+                absent_ms[i] += dt_ms
             support[i] = max(0.0, support[i] - 0.05 * dt_ms)
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def find_end(direction, limit_ms, margin_px, width, height, p, s_px, good, absent_ms, out):  # type: ignore[no-untyped-def]
+    """Where a DLO of unknown extent ends in the image. direction: 1 towards larger s, -1 towards smaller.
+
+    An end is found when beyond the outermost station seen at least two stations lie well inside the image and have been
+    absent for ``limit_ms``. out: [s of the outermost station seen, s of the next]. Returns 1 if found, else 0.
+    """
+    m = p.shape[0]
+    i = m - 1 if direction > 0 else 0
+    while 0 <= i < m and not good[i]:
+        i -= direction
+    if i < 0 or i >= m:
+        return 0
+    out[0] = s_px[i]
+    out[1] = s_px[i]
+    absent = 0
+    k = i + direction
+    while 0 <= k < m and absent < 2:
+        inside = margin_px < p[k, 0] < width - margin_px and margin_px < p[k, 1] < height - margin_px
+        if not inside or absent_ms[k] < limit_ms:
+            return 0
+        absent += 1
+        if absent == 1:
+            out[1] = s_px[k]
+        k += direction
+    return 1 if absent == 2 else 0
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
