@@ -8,6 +8,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from motiondlo.events.joining import join
 from motiondlo.events.types import EventArray, EventBatch, TriggerArray, empty_events, empty_triggers
 
 FIRST_EVENT_LATE_US = 1_000_000
@@ -55,79 +56,82 @@ class BatchCutter:
         self._start_us = start_us // period_us * period_us
         self._t0_us = self._start_us
         self._begun = False
-        self._events = empty_events()
-        self._triggers = empty_triggers()
+        self._events: list[EventArray] = []
+        self._triggers: list[TriggerArray] = []
         self._lost = 0
 
     @property
     def pending(self) -> int:
         """Events that wait for their batch to finish."""
-        return len(self._events)
+        return sum(len(part) for part in self._events)
 
     def push(self, events: EventArray, triggers: TriggerArray, now_us: int) -> Iterator[EventBatch]:
         """Take events (N,) and triggers (K,) in time order, and give every batch that ends at or before ``now_us``.
 
         now_us: nothing earlier will come any more. The iterator must be used up before the next push.
         """
-        self._events = np.concatenate([self._events, events]) if len(self._events) else events
-        self._triggers = np.concatenate([self._triggers, triggers]) if len(self._triggers) else triggers
+        if len(events):
+            self._events.append(events)
+        if len(triggers):
+            self._triggers.append(triggers)
         return self._finished(now_us)
 
     def finish(self) -> Iterator[EventBatch]:
         """End of the stream: the batches up to and with the one that holds the last event or trigger."""
-        last_us = max(
-            (int(part["t"][-1]) for part in (self._events, self._triggers) if len(part)), default=self._t0_us - 1
-        )
+        last_us = max((int(parts[-1]["t"][-1]) for parts in (self._events, self._triggers) if parts), default=-1)
         return self._finished((last_us // self.period_us + 1) * self.period_us)
 
     def _finished(self, now_us: int) -> Iterator[EventBatch]:
         if not self._begin(now_us):
             return
-        events, triggers = self._events, self._triggers
-        event_times, trigger_times = events["t"], triggers["t"]
-        i = first_at_or_after(event_times, 0, self._t0_us)
-        k = first_at_or_after(trigger_times, 0, self._t0_us)
         while self._t0_us + self.period_us <= now_us:
-            self._skip_silence(event_times, i, trigger_times, k, now_us)
+            self._skip_silence(now_us)
             t1_us = self._t0_us + self.period_us
             if t1_us > now_us:
                 break
-            i_end = first_at_or_after(event_times, i, t1_us)
-            k_end = first_at_or_after(trigger_times, k, t1_us) if k < len(triggers) else k
-            batch = EventBatch(self._t0_us, t1_us, events[i:i_end], triggers[k:k_end], self._lost)
-            i, k, self._lost, self._t0_us = i_end, k_end, 0, t1_us
+            events = _take_before(self._events, t1_us) if self._events else empty_events()
+            triggers = _take_before(self._triggers, t1_us) if self._triggers else empty_triggers()
+            batch = EventBatch(self._t0_us, t1_us, events, triggers, self._lost)
+            self._lost, self._t0_us = 0, t1_us
             yield batch
-        # A copy, so that a few waiting events do not keep a large buffer alive.
-        self._events = events[i:].copy()
-        self._triggers = triggers[k:].copy()
 
     def _begin(self, now_us: int) -> bool:
         """Settle where the first batch starts, once the first time is known."""
         if not self._begun:
-            first_us = min((int(part["t"][0]) for part in (self._events, self._triggers) if len(part)), default=now_us)
+            first_us = self._next_us(now_us)
             if first_us < 0:
                 return False
             if first_us > self._start_us + FIRST_EVENT_LATE_US:
                 self._t0_us = first_us // self.period_us * self.period_us
             self._begun = True
+            for parts in (self._events, self._triggers):
+                if parts:
+                    _take_before(parts, self._t0_us)
         return True
 
-    def _skip_silence(
-        self,
-        event_times: npt.NDArray[np.int64],
-        i: int,
-        trigger_times: npt.NDArray[np.int64],
-        k: int,
-        now_us: int,
-    ) -> None:
+    def _next_us(self, now_us: int) -> int:
+        return min((int(parts[0]["t"][0]) for parts in (self._events, self._triggers) if parts), default=now_us)
+
+    def _skip_silence(self, now_us: int) -> None:
         if now_us - self._t0_us <= MAX_SILENCE_US:
             return
-        next_us = now_us
-        if i < len(event_times):
-            next_us = min(next_us, int(event_times[i]))
-        if k < len(trigger_times):
-            next_us = min(next_us, int(trigger_times[k]))
-        if next_us - self._t0_us > MAX_SILENCE_US:
-            cells = (next_us - self._t0_us) // self.period_us
+        silence_us = min(self._next_us(now_us), now_us) - self._t0_us
+        if silence_us > MAX_SILENCE_US:
+            cells = silence_us // self.period_us
             self._lost += cells
             self._t0_us += cells * self.period_us
+
+
+def _take_before(parts: list[EventArray], edge_us: int) -> EventArray:
+    """Take what lies before ``edge_us`` from the front of ``parts`` (not empty, nor is any of them) and return it."""
+    taken = []
+    while parts:
+        first = parts[0]
+        n = first_at_or_after(first["t"], 0, edge_us)
+        if n == len(first):
+            taken.append(parts.pop(0))
+            continue
+        taken.append(first[:n])
+        parts[0] = first[n:]
+        break
+    return taken[0] if len(taken) == 1 else join(taken)

@@ -6,17 +6,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-import numpy as np
-
 from motiondlo.errors import RecordingError
 from motiondlo.events.cutter import BatchCutter
 from motiondlo.events.evt2 import Evt2Decoder, Evt21Decoder
 from motiondlo.events.evt3 import Evt3Decoder
+from motiondlo.events.joining import join
 from motiondlo.events.raw_header import MAX_HEADER_BYTES, EventFormat, RawHeader, parse_raw_header
 from motiondlo.events.stream_decoder import StreamDecoder
 from motiondlo.events.types import EventArray, EventBatch, SensorGeometry, TriggerArray
 
-READ_BYTES = 1 << 17
+READ_BYTES = 1 << 16
 """Larger reads gain nothing: decoded arrays would no longer be recycled by the allocator."""
 _GEN3_GEOMETRY = SensorGeometry(640, 480)
 
@@ -112,4 +111,4 @@ def open_events(path: Path, geometry: SensorGeometry | None = None) -> EventFile
 def read_all(path: Path, geometry: SensorGeometry | None = None) -> tuple[EventArray, TriggerArray]:
     """Every event (N,) and trigger (K,) of a file at once, for tools; 16 bytes each. Raises as :func:`open_events`."""
     parts = list(open_events(path, geometry).chunks())
-    return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+    return join([p[0] for p in parts]), join([p[1] for p in parts])

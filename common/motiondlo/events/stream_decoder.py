@@ -19,6 +19,7 @@ from motiondlo.events.damage import (
     clock_marks,
     damage_counts,
 )
+from motiondlo.events.joining import join
 from motiondlo.events.resync_kernels import R_COUNT, R_LENGTH, RUN_WORDS_AT_END, find_run
 from motiondlo.events.time_word_kernels import (
     MODE_START,
@@ -190,7 +191,7 @@ class StreamDecoder:
             return empty_events(), empty_triggers()
         if len(parts) == 1:
             return parts[0]
-        return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+        return join([p[0] for p in parts]), join([p[1] for p in parts])
 
     def _start_searching(self, at: int) -> None:
         self._searching = True
