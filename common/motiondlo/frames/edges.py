@@ -1,0 +1,274 @@
+"""Sub-pixel centreline from a DLO's two edges, past the paper's pixel skeleton.
+
+Legend: rows ``k`` along the curve, ``g`` edge strength across it, ``c`` offset of the centre from the curve along the
+left normal, ``w`` width. A DLO is a band of constant width: the centre is looked for where *both* edges, one width
+apart, are strong, so one edge that a cast shadow or a highlight shifts does not pull it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import solveh_banded
+from scipy.ndimage import gaussian_filter1d
+
+from motiondlo.frames.strip import Scene, Strip, sample_strip
+from motiondlo.geometry.curve import arc_length, left_normals, resample, tangents
+
+FloatArray = npt.NDArray[np.float64]
+
+ROW_PX = 2.0
+"""Distance of rows along the curve."""
+COLUMN_PX = 0.5
+"""Distance of samples across it."""
+_WIDTH_FACTORS = np.arange(0.76, 1.29, 0.04)
+_SEARCH_W = 0.45
+"""How far from the curve the centre is looked for, widths."""
+_PEAK_PX = 2.0
+"""How far from its place by the common width an edge's peak is looked for."""
+
+
+@dataclass(frozen=True)
+class RefinedCurve:
+    """A centreline measured from edges."""
+
+    centre: FloatArray
+    """(K, 2) image px, rows ``ROW_PX`` apart."""
+    sigma: FloatArray
+    """(K,) standard deviation along the normal, px."""
+    width: float
+    """Distance of the edges, px."""
+    width_spread: float
+    """Robust standard deviation of the width along the curve, px."""
+    edge_support: float
+    """Share of rows in which both edges were found one width apart."""
+    edge_blur: float
+    """Median 10-90 % width of the edges, px: grows with motion."""
+
+
+def refine_centreline(scene: Scene, path: FloatArray, width_px: float, rounds: int, smooth_w: float) -> RefinedCurve:
+    """Move a rough centreline to the middle between both edges.
+
+    path: (K, 2) image px, smooth, within about half a width of the truth. width_px: rough width. rounds: passes, each
+    on the strip around the last result. smooth_w: smoothing length in widths.
+    """
+    centre = _even(path)
+    width = width_px
+    result: RefinedCurve | None = None
+    for turn in range(max(1, rounds)):
+        strip = sample_strip(scene, centre, 1.15 * width + 6.0, COLUMN_PX)
+        g = edge_strength(strip)
+        width = common_width(g, strip.offsets, width, _WIDTH_FACTORS if turn == 0 else _WIDTH_FACTORS[5:9])
+        rough = centre_path(g, strip.offsets, width)
+        offset, weight, widths = locate_edges(g, strip.offsets, rough, width)
+        both = np.isfinite(widths)
+        if int(both.sum()) >= 8:
+            width = float(np.median(widths[both]))
+        smooth, sigma = robust_smooth(offset, weight, smooth_w * width / ROW_PX)
+        blur = _edge_blur(strip, smooth, width)
+        centre = centre + smooth[:, None] * left_normals(tangents(centre))
+        spread = float(1.4826 * np.median(np.abs(widths[both] - width))) if both.any() else width
+        result = RefinedCurve(centre, sigma, width, spread, float(both.mean()), blur)
+        if turn + 1 < rounds:
+            centre = _even(_thin_out(centre, width))
+    assert result is not None
+    return result
+
+
+def edge_strength(strip: Strip) -> FloatArray:
+    """Colour gradient across the curve, (K, V), smoothed along it so that noise and prints count less than edges."""
+    smooth = gaussian_filter1d(strip.ratio, 1.6, axis=1, mode="nearest")
+    smooth = gaussian_filter1d(smooth, 1.2, axis=0, mode="nearest")
+    gradient = np.gradient(smooth, COLUMN_PX, axis=1)
+    g = np.sqrt((gradient.astype(np.float64) ** 2).sum(axis=2))
+    g[~strip.known] = 0.0
+    return np.asarray(g, dtype=np.float64)
+
+
+def common_width(g: FloatArray, offsets: FloatArray, width: float, factors: FloatArray) -> float:
+    """The width at which pairs of edges are strongest, all rows together."""
+    saturated = _saturate(g)
+    scores = [float(_pair_strength(saturated, offsets, width * f)[0].max(axis=1).sum()) for f in factors]
+    return float(width * factors[int(np.argmax(scores))])
+
+
+def centre_path(g: FloatArray, offsets: FloatArray, width: float) -> FloatArray:
+    """Offset of the centre per row, (K,): the smooth path through the strongest pairs of edges (dynamic program)."""
+    pair, candidates = _pair_strength(_saturate(g), offsets, width)
+    rows, count = pair.shape
+    step_cost = 0.15
+    total = pair[0].copy()
+    back = np.zeros((rows, count), np.int8)
+    for k in range(1, rows):
+        stay = total
+        left = np.concatenate(([-np.inf], total[:-1])) - step_cost
+        right = np.concatenate((total[1:], [-np.inf])) - step_cost
+        best = np.maximum(stay, np.maximum(left, right))
+        back[k] = np.where(best == stay, 0, np.where(best == left, -1, 1))
+        total = best + pair[k]
+    at = int(np.argmax(total))
+    path = np.empty(rows)
+    for k in range(rows - 1, -1, -1):
+        path[k] = candidates[at]
+        at += int(back[k, at])
+    return path
+
+
+def locate_edges(
+    g: FloatArray, offsets: FloatArray, rough: FloatArray, width: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Sub-pixel edges near ``rough`` -+ width / 2.
+
+    Returns the centre's offset (K,), its weight (K,) (1 both edges, 0.3 one of them, 0 none) and the width where both
+    were found, else NaN (K,).
+    """
+    left, left_strength = _peak_near(g, offsets, rough - 0.5 * width)
+    right, right_strength = _peak_near(g, offsets, rough + 0.5 * width)
+    typical = np.array([np.median(left_strength), np.median(right_strength)])
+    floor = 0.35 * np.maximum(typical, 0.25 * typical.max())
+    has_left = np.isfinite(left) & (left_strength > floor[0])
+    has_right = np.isfinite(right) & (right_strength > floor[1])
+    measured = right - left
+    usual = measured[has_left & has_right]
+    true_width = float(np.median(usual)) if len(usual) >= 8 else width
+    fits = np.abs(measured - true_width) < max(1.3, 0.08 * width)
+    both = has_left & has_right & fits
+    only_left = has_left & ~has_right
+    only_right = has_right & ~has_left
+    centre = np.where(both, 0.5 * (left + right), rough)
+    centre = np.where(only_left, left + 0.5 * true_width, centre)
+    centre = np.where(only_right, right - 0.5 * true_width, centre)
+    weight = np.where(both, 1.0, np.where(only_left | only_right, 0.3, 0.0))
+    # Both are there but not one width apart: one of them is something else. The middle is a weak hint.
+    weight = np.where(has_left & has_right & ~fits, 0.03, weight)
+    widths = np.where(both, measured, np.nan)
+    return centre, np.where(np.isfinite(centre), weight, 0.0), widths
+
+
+def robust_smooth(values: FloatArray, weight: FloatArray, length_rows: float) -> tuple[FloatArray, FloatArray]:
+    """Smooth a sequence against its bending, with outliers turned down; gaps (weight 0) are bridged.
+
+    values, weight: (K,). Returns the smooth sequence and its standard deviation, both (K,).
+    """
+    count = len(values)
+    stiffness = max(length_rows, 0.5) ** 4
+    robust = np.ones(count)
+    smooth = np.zeros(count)
+    scale = 1.0
+    filled = np.where(weight > 0, values, 0.0)
+    for _ in range(5):
+        w = weight * robust + 1e-6
+        smooth = _solve_whittaker(filled, w, stiffness)
+        seen = weight >= 0.3
+        residual = filled - smooth
+        if int(seen.sum()) >= 5:
+            scale = max(float(1.4826 * np.median(np.abs(residual[seen]))), 0.08)
+        robust = 1.0 / (1.0 + (residual / (2.5 * scale)) ** 2) ** 2
+    # Information around each row: what a window of the smoothing length holds.
+    information = gaussian_filter1d(weight * robust, max(length_rows, 0.5), mode="nearest")
+    effective = np.maximum(information, 1e-4) * max(length_rows, 1.0) * 2.5
+    sigma = np.hypot(0.12, scale / np.sqrt(effective))
+    return smooth, np.minimum(sigma, 25.0)
+
+
+def _solve_whittaker(values: FloatArray, weight: FloatArray, stiffness: float) -> FloatArray:
+    """Minimise sum w (y - z)^2 + stiffness sum (second difference of z)^2."""
+    count = len(values)
+    if count < 4:
+        mean = float((weight * values).sum() / weight.sum())
+        return np.full(count, mean)
+    bands = np.zeros((3, count))
+    main = np.full(count, 6.0)
+    main[[0, -1]] = 1.0
+    main[[1, -2]] = 5.0
+    if count == 4:
+        main[1:3] = 5.0
+    first = np.full(count - 1, -4.0)
+    first[[0, -1]] = -2.0
+    bands[2] = stiffness * main + weight
+    bands[1, 1:] = stiffness * first
+    bands[0, 2:] = stiffness
+    return np.asarray(solveh_banded(bands, weight * values), dtype=np.float64)
+
+
+def _saturate(g: FloatArray) -> FloatArray:
+    """Strength between 0 and 1, so that a few very strong edges (prints, other DLOs) do not outvote the rest."""
+    usual = float(np.percentile(g.max(axis=1), 50.0))
+    level = max(0.5 * usual, 1e-6)
+    return np.asarray(g / (g + level), dtype=np.float64)
+
+
+def _pair_strength(saturated: FloatArray, offsets: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
+    """(K, C) strength of the pair of edges at ``c`` -+ width / 2 for C candidates; the weaker edge counts double."""
+    step = offsets[1] - offsets[0]
+    reach = int(_SEARCH_W * width / step)
+    middle = len(offsets) // 2
+    candidates = np.arange(-reach, reach + 1)
+    half = 0.5 * width / step
+    left = _columns(saturated, middle + candidates - half)
+    right = _columns(saturated, middle + candidates + half)
+    pair = 0.5 * (left + right) + np.minimum(left, right)
+    # Ties go to the curve that came in.
+    pair = pair - 0.02 * np.abs(candidates)[None] / max(reach, 1)
+    return pair, candidates * step
+
+
+def _columns(values: FloatArray, index: FloatArray) -> FloatArray:
+    low = np.clip(np.floor(index).astype(np.int64), 0, values.shape[1] - 2)
+    part = np.clip(index - low, 0.0, 1.0)
+    return np.asarray(values[:, low] * (1.0 - part) + values[:, low + 1] * part, dtype=np.float64)
+
+
+def _peak_near(g: FloatArray, offsets: FloatArray, where: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Highest point of ``g`` within ``_PEAK_PX`` of ``where`` (K,), refined by a parabola; NaN when at the rim."""
+    step = offsets[1] - offsets[0]
+    reach = int(_PEAK_PX / step)
+    columns = g.shape[1]
+    start = np.round((where - offsets[0]) / step).astype(np.int64)
+    index = np.clip(start[:, None] + np.arange(-reach, reach + 1)[None], 1, columns - 2)
+    rows = np.arange(len(g))
+    near = g[rows[:, None], index]
+    best = near.argmax(axis=1)
+    at = index[rows, best]
+    low, mid, high = g[rows, at - 1], g[rows, at], g[rows, at + 1]
+    bend = low - 2.0 * mid + high
+    shift = np.where(bend < -1e-12, 0.5 * (low - high) / np.minimum(bend, -1e-12), 0.0)
+    place = offsets[at] + np.clip(shift, -0.5, 0.5) * step
+    inside = (mid >= low) & (mid >= high)
+    return np.where(inside, place, np.nan), mid
+
+
+def _edge_blur(strip: Strip, centre: FloatArray, width: float) -> float:
+    """Median 10-90 % width of the edges' brightness steps, px."""
+    step = strip.offsets[1] - strip.offsets[0]
+    reach = max(int(0.45 * width / step), 4)
+    level = strip.ratio.mean(axis=2)
+    widths = []
+    for sign in (-1.0, 1.0):
+        start = np.round((centre + sign * 0.5 * width - strip.offsets[0]) / step).astype(np.int64)
+        index = np.clip(start[:, None] + np.arange(-reach, reach + 1)[None], 0, level.shape[1] - 1)
+        profile = level[np.arange(len(level))[:, None], index]
+        slope = np.abs(np.diff(profile, axis=1)) / step
+        swing = profile.max(axis=1) - profile.min(axis=1)
+        clear = swing > 0.08
+        if clear.any():
+            widths.append(float(np.median(0.8 * swing[clear] / np.maximum(slope[clear].max(axis=1), 1e-6))))
+    return min(widths) if widths else 0.0
+
+
+def _even(path: FloatArray) -> FloatArray:
+    length = float(arc_length(path)[-1])
+    return resample(path, max(8, round(length / ROW_PX) + 1))
+
+
+def _thin_out(centre: FloatArray, width: float) -> FloatArray:
+    """Smooth the curve itself a little, so that the normals of the next pass do not fan out."""
+    sigma = max(0.15 * width / ROW_PX, 0.5)
+    smooth = gaussian_filter1d(centre, sigma, axis=0, mode="nearest")
+    edge = int(3 * sigma) + 1
+    if len(centre) <= 2 * edge:
+        return centre
+    smooth[:edge], smooth[-edge:] = centre[:edge], centre[-edge:]
+    return np.asarray(smooth, dtype=np.float64)

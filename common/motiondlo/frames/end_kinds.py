@@ -1,0 +1,91 @@
+"""Why a DLO stops where it stops: border, gripper, something that hides it, or its own tip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from motiondlo.frames.strip import Scene, sample_strip
+from motiondlo.frames.types import EndKind
+from motiondlo.geometry.curve import project
+
+FloatArray = npt.NDArray[np.float64]
+
+_CHANGED = 0.12
+"""Relative difference from the board that an object ahead shows (the strongest cast shadows are excluded by width)."""
+_HELD_SHARE = 0.45
+_STEP_CODES = 9.0
+
+
+@dataclass(frozen=True)
+class EndView:
+    """An end and its surroundings."""
+
+    point: FloatArray
+    """(2,) image px."""
+    outward: FloatArray
+    """(2,) unit tangent."""
+    width: float
+    found: bool
+    at_border: bool
+
+
+def classify_end(scene: Scene, view: EndView, others: list[tuple[FloatArray, float]]) -> EndKind:
+    """Kind of an end. others: centreline (K, 2) and width of every other DLO piece, image px."""
+    width, height = scene.size
+    x, y = view.point + view.outward * 0.5 * view.width
+    if view.at_border or x < 0 or y < 0 or x > width - 1 or y > height - 1:
+        return EndKind.BORDER
+    if object_ahead(scene, view) > _HELD_SHARE:
+        return EndKind.HELD
+    beyond = (view.point + view.outward * 0.3 * view.width)[None]
+    for centre, other_width in others:
+        if float(project(beyond, centre)[0][0]) < 0.5 * other_width + 0.2 * view.width:
+            return EndKind.HIDDEN
+    if edge_across(scene, view) > _STEP_CODES:
+        return EndKind.HIDDEN
+    return EndKind.TIP if view.found else EndKind.UNKNOWN
+
+
+def object_ahead(scene: Scene, view: EndView) -> float:
+    """Share of a field ahead of the end, wider than the DLO, that is not the empty board.
+
+    The field starts past the end and is 2.6 widths wide and 2.5 long: a tip's own shadow fills a small part of it, a
+    gripper most of it.
+    """
+    reach = np.arange(0.3 * view.width, 2.8 * view.width, 1.5)
+    centre = view.point + reach[:, None] * view.outward
+    strip = sample_strip(scene, centre, 1.3 * view.width, 1.5)
+    changed = np.abs(strip.ratio - 1.0).max(axis=2) > _CHANGED
+    return float(changed.mean())
+
+
+def edge_across(scene: Scene, view: EndView) -> float:
+    """Strength, image codes, of a lasting step of the surroundings at the end, on both sides of the DLO.
+
+    Where a DLO runs under a plate, the plate's edge goes on to the left and right of it; at a free tip nothing does.
+    The weaker side counts. Thin printed lines are no steps: both sides of them look the same.
+    """
+    along = np.arange(-1.8 * view.width, 1.8 * view.width, 1.0)
+    centre = view.point + along[:, None] * view.outward
+    strip = sample_strip(scene, centre, 1.05 * view.width, 1.0)
+    steps = []
+    for sign in (-1.0, 1.0):
+        lateral = strip.offsets * sign
+        band = (lateral > 0.72 * view.width) & (lateral < 1.0 * view.width)
+        profile = strip.image[:, band].mean(axis=1).astype(np.float64)
+        span = max(int(0.5 * view.width), 5)
+        gap = 3
+        best = np.zeros(3)
+        for k in range(span + gap, len(profile) - span - gap):
+            if abs(along[k]) > 0.8 * view.width:
+                continue
+            after = np.median(profile[k + gap : k + gap + span], axis=0)
+            before = np.median(profile[k - gap - span : k - gap], axis=0)
+            step = after - before
+            if np.abs(step).max() > np.abs(best).max():
+                best = step
+        steps.append(best)
+    return float(min(np.abs(steps[0]).max(), np.abs(steps[1]).max())) if float(steps[0] @ steps[1]) > 0.0 else 0.0

@@ -1,0 +1,180 @@
+"""Segments joined to DLOs, and DLOs turned into instances (paper, "Polyline fitting": merging, fit, warp)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from motiondlo.frames.appearance import sample_appearance
+from motiondlo.frames.edges import refine_centreline
+from motiondlo.frames.end_kinds import EndView, classify_end
+from motiondlo.frames.merging import SegmentEnd, bezier_bridge, connect
+from motiondlo.frames.params import FrameParams
+from motiondlo.frames.polyline_fit import fit_spline
+from motiondlo.frames.segments import Segment
+from motiondlo.frames.strip import Scene
+from motiondlo.frames.types import EndKind, Instance
+from motiondlo.geometry.curve import arc_length, point_at
+from motiondlo.geometry.homography import warp_points
+
+FloatArray = npt.NDArray[np.float64]
+
+_TANGENT_W = 1.5
+
+
+@dataclass(frozen=True)
+class Dlo:
+    """A whole DLO, image px."""
+
+    centre: FloatArray
+    """(K, 2)."""
+    sigma: FloatArray
+    """(K,) along the normal."""
+    width: float
+    ends: tuple[EndKind, EndKind]
+    edge_support: float
+    width_spread: float
+    edge_blur: float
+
+
+def end_tangent(centre: FloatArray, side: int, width: float) -> FloatArray:
+    """Outward unit tangent at an end, from a parabola over the last widths."""
+    curve = centre if side == 1 else centre[::-1]
+    length = float(arc_length(curve)[-1])
+    span = min(_TANGENT_W * width, length)
+    u = np.linspace(-1.0, 0.0, 12)
+    fit = np.polynomial.polynomial.polyfit(u, point_at(curve, length + u * span), 2)
+    return np.asarray(fit[1] / max(np.hypot(*fit[1]), 1e-9), dtype=np.float64)
+
+
+def classify_ends(scene: Scene, segments: list[Segment]) -> list[tuple[EndKind, EndKind]]:
+    """Kinds of both ends of every segment."""
+    kinds = []
+    for k, segment in enumerate(segments):
+        others = [(other.centre, other.width) for i, other in enumerate(segments) if i != k]
+        pair = []
+        for side in (0, 1):
+            end = segment.ends[side]
+            point = segment.centre[0 if side == 0 else -1]
+            outward = end_tangent(segment.centre, side, segment.width)
+            pair.append(classify_end(scene, EndView(point, outward, segment.width, end.found, end.at_border), others))
+        kinds.append((pair[0], pair[1]))
+    return kinds
+
+
+def join_segments(
+    scene: Scene, segments: list[Segment], kinds: list[tuple[EndKind, EndKind]], params: FrameParams
+) -> list[Dlo]:
+    """Merge segments of one DLO over gaps; every connection is bridged by a Bezier curve."""
+    ends = []
+    for k, segment in enumerate(segments):
+        for side in (0, 1):
+            kind = kinds[k][side]
+            ends.append(
+                SegmentEnd(
+                    k,
+                    side,
+                    segment.centre[0 if side == 0 else -1],
+                    end_tangent(segment.centre, side, segment.width),
+                    segment.width,
+                    np.log(segment.palette.colour + 8.0),
+                    hidden=kind in (EndKind.HELD, EndKind.HIDDEN),
+                    joinable=kind != EndKind.BORDER,
+                )
+            )
+    connections = connect(ends, params.merge.max_gap * scene.size[0], params.merge)
+    links: dict[tuple[int, int], tuple[SegmentEnd, SegmentEnd]] = {}
+    for c in connections:
+        links[(c.a.segment, c.a.side)] = (c.a, c.b)
+        links[(c.b.segment, c.b.side)] = (c.b, c.a)
+    used: set[int] = set()
+    dlos = []
+    for start in [(k, side) for k in range(len(segments)) for side in (0, 1) if (k, side) not in links]:
+        if start[0] not in used:
+            dlos.append(_join_from(scene, start, segments, kinds, links, used, params))
+    return dlos
+
+
+def _join_from(
+    scene: Scene,
+    start: tuple[int, int],
+    segments: list[Segment],
+    kinds: list[tuple[EndKind, EndKind]],
+    links: dict[tuple[int, int], tuple[SegmentEnd, SegmentEnd]],
+    used: set[int],
+    params: FrameParams,
+) -> Dlo:
+    parts: list[FloatArray] = []
+    sigmas: list[FloatArray] = []
+    members: list[Segment] = []
+    small_gap = False
+    at: tuple[int, int] | None = start
+    last_kind = EndKind.UNKNOWN
+    while at is not None and at[0] not in used:
+        index, side = at
+        used.add(index)
+        segment = segments[index]
+        members.append(segment)
+        flip = side == 1
+        parts.append(segment.centre[::-1] if flip else segment.centre)
+        sigmas.append(segment.sigma[::-1] if flip else segment.sigma)
+        last_kind = kinds[index][1 - side]
+        link = links.get((index, 1 - side))
+        at = None
+        if link is not None:
+            a, b = link
+            bridge = bezier_bridge(a.point, a.outward, b.point, -b.outward, params.merge.bezier_alpha)
+            gap = float(np.hypot(*(b.point - a.point)))
+            small_gap |= gap <= params.merge.open_gap_w * segment.width
+            parts.append(bridge)
+            # A hidden stretch may sag by a share of its length in the middle.
+            u = np.arange(1, len(bridge) + 1) / (len(bridge) + 1)
+            sigmas.append(0.3 + 0.06 * gap * 4.0 * u * (1.0 - u))
+            at = (b.segment, b.side)
+    lengths = np.array([m.length for m in members])
+    width = float((lengths * [m.width for m in members]).sum() / lengths.sum())
+    centre, sigma = np.concatenate(parts), np.concatenate(sigmas)
+    if small_gap and params.fit.refine:
+        refined = refine_centreline(scene, centre, width, 1, params.fit.smooth_length_w)
+        centre, sigma = refined.centre, refined.sigma
+    return Dlo(
+        centre,
+        sigma,
+        width,
+        (kinds[start[0]][start[1]], last_kind),
+        float((lengths * [m.edge_support for m in members]).sum() / lengths.sum()),
+        float((lengths * [m.width_spread for m in members]).sum() / lengths.sum()),
+        max(m.edge_blur for m in members),
+    )
+
+
+def score_dlo(dlo: Dlo, params: FrameParams) -> float:
+    """0..1: both edges along most of it, one constant width, long for its width."""
+    length_w = float(arc_length(dlo.centre)[-1]) / max(dlo.width, 1e-6)
+    slender = float(np.clip((length_w - 2.0) / (2.0 * params.instance.min_length_w - 2.0), 0.0, 1.0))
+    steady = float(np.clip(1.0 - dlo.width_spread / (params.instance.max_width_spread * dlo.width), 0.0, 1.0))
+    return float(np.clip(dlo.edge_support, 0.0, 1.0) * slender * steady)
+
+
+def make_instance(
+    scene: Scene, dlo: Dlo, event_from_rgb: FloatArray | None, score: float, params: FrameParams
+) -> Instance:
+    """Fit M nodes, warp them, never masks (paper: point-level warp), and sample the look for the event branch.
+
+    The diameter and sigma are scaled by the ratio of arc lengths, the diameter by the whole curve's (paper), sigma by
+    each node's own.
+    """
+    count = params.fit.nodes
+    nodes = fit_spline(dlo.centre, params.fit.knot_spacing_w * dlo.width, count)
+    s_all = arc_length(dlo.centre)
+    s = np.linspace(0.0, s_all[-1], count)
+    sigma = np.interp(s, s_all, dlo.sigma)
+    if event_from_rgb is None:
+        return Instance(nodes, None, sigma, dlo.width, dlo.width, score, dlo.ends)
+    nodes_event = warp_points(nodes, event_from_rgb)
+    scale = np.gradient(arc_length(nodes_event)) / np.maximum(np.gradient(arc_length(nodes)), 1e-9)
+    diameter = dlo.width * float(arc_length(nodes_event)[-1] / max(arc_length(nodes)[-1], 1e-9))
+    appearance = sample_appearance(scene.image_bgr, event_from_rgb, nodes_event, diameter)
+    return Instance(nodes, nodes_event, sigma * scale, dlo.width, diameter, score, dlo.ends, appearance)

@@ -1,0 +1,136 @@
+"""The frame branch, whole: image in, DLOs out (paper, "Frame Branch: Static DLO")."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from time import perf_counter_ns
+
+import numpy as np
+import numpy.typing as npt
+
+from motiondlo.frames.backend import SegmenterBackend, create_backend
+from motiondlo.frames.board import BoardModel, model_board
+from motiondlo.frames.checks import FrameFailure, check_frame
+from motiondlo.frames.classical import ClassicalBackend, segment_board
+from motiondlo.frames.colour import Image
+from motiondlo.frames.instances import Dlo, classify_ends, join_segments, make_instance, score_dlo
+from motiondlo.frames.mask_cleaning import adaptive_closing, clean_mask
+from motiondlo.frames.masks import Mask, MaskSet, union
+from motiondlo.frames.params import FrameParams
+from motiondlo.frames.segments import Segment, measure_segment
+from motiondlo.frames.skeleton_graph import build_graph, distance_inside, prune_spurs, skeletonise
+from motiondlo.frames.strip import Scene
+from motiondlo.frames.traversal import Chain, traverse
+from motiondlo.frames.types import Segmentation
+from motiondlo.geometry.curve import arc_length
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass
+class StageTimes:
+    """Host time per stage of one frame."""
+
+    ns: dict[str, int] = field(default_factory=dict)
+    _last: int = field(default_factory=perf_counter_ns)
+
+    def lap(self, stage: str) -> None:
+        """Count the time since the last call for ``stage``."""
+        now = perf_counter_ns()
+        self.ns[stage] = self.ns.get(stage, 0) + now - self._last
+        self._last = now
+
+    @property
+    def total_ms(self) -> float:
+        """Sum over all stages."""
+        return sum(self.ns.values()) / 1e6
+
+
+def segment_frame(
+    image_bgr: Image,
+    background: Image | None,
+    event_from_rgb: FloatArray | None,
+    params: FrameParams,
+    t_us: int,
+    frame_name: str,
+    backend: SegmenterBackend | None = None,
+    times: StageTimes | None = None,
+) -> Segmentation:
+    """Find every DLO of one frame.
+
+    image_bgr: (H, W, 3) uint8; background: the empty board, same shape, or None; event_from_rgb: (3, 3) or None (then
+    nodes stay in RGB px); t_us: trigger time, event clock. backend: one from ``create_backend`` (made anew when None).
+    times: filled with host time per stage. A frame that gives nothing is a Segmentation with ``failure`` set to a
+    FrameFailure value. Nodes outside the event image are kept; BORDER ends refer to the RGB image.
+    Raises ConfigError when ``params`` names an unknown backend.
+    """
+    times = times if times is not None else StageTimes()
+    backend = backend if backend is not None else create_backend(params)
+
+    def failed(reason: FrameFailure) -> Segmentation:
+        return Segmentation(t_us, frame_name, failure=reason.value, backend=backend.name, elapsed_ms=times.total_ms)
+
+    refusal = check_frame(image_bgr, background, params.check)
+    times.lap("check")
+    if refusal is not None:
+        return failed(refusal)
+    board = model_board(image_bgr, background, params.foreground)
+    times.lap("board")
+    # The classical backend works on this very comparison.
+    masks = (
+        segment_board(board, params.foreground)
+        if isinstance(backend, ClassicalBackend)
+        else backend.segment(image_bgr, background, frame_name)
+    )
+    times.lap("segment")
+    scene = Scene(image_bgr, background, board)
+    chains = masks_to_chains(masks, board, params, times)
+    dlos = measure_dlos(scene, chains, params, times)
+    sharp = [(score, dlo) for score, dlo in dlos if dlo.edge_blur <= params.check.max_blur_px * board.scale / 2.0]
+    instances = tuple(make_instance(scene, dlo, event_from_rgb, score, params) for score, dlo in sharp)
+    times.lap("fit")
+    if not instances:
+        return failed(FrameFailure.BLURRED if dlos else FrameFailure.NOTHING_FOUND)
+    return Segmentation(t_us, frame_name, instances, backend=backend.name, elapsed_ms=times.total_ms)
+
+
+def masks_to_chains(masks: MaskSet, board: BoardModel, params: FrameParams, times: StageTimes) -> list[Chain]:
+    """Union, cleaning, thinning, graph, crossings: ordered skeleton centrelines, working px."""
+    mask: Mask = union(masks.masks, board.distance.shape)
+    mask = adaptive_closing(clean_mask(mask, params.cleaning), params.cleaning)
+    times.lap("clean")
+    if not mask.any():
+        return []
+    skeleton = skeletonise(mask)
+    radius = distance_inside(mask)
+    times.lap("thin")
+    graph = prune_spurs(build_graph(skeleton, radius), params.graph.spur_radii)
+    chains = traverse(graph, board.image_log, params.graph)
+    times.lap("graph")
+    return chains
+
+
+def measure_dlos(scene: Scene, chains: list[Chain], params: FrameParams, times: StageTimes) -> list[tuple[float, Dlo]]:
+    """Measure chains, join them over gaps, and keep what looks like a DLO, best first."""
+    width_px = scene.size[0]
+    least, most = params.foreground.min_width * width_px, params.foreground.max_width * width_px
+    segments: list[Segment] = []
+    for chain in chains:
+        width = chain.width * scene.board.scale
+        if not least <= width <= most or chain.length < 1.8 * chain.width:
+            continue
+        segment = measure_segment(scene, chain, params.fit)
+        if segment is not None and segment.width_spread <= params.instance.max_width_spread * segment.width:
+            segments.append(segment)
+    times.lap("refine")
+    kinds = classify_ends(scene, segments)
+    dlos = join_segments(scene, segments, kinds, params)
+    times.lap("join")
+    scored = [(score_dlo(dlo, params), dlo) for dlo in dlos if _is_long(dlo, width_px, params)]
+    good = sorted((item for item in scored if item[0] >= params.instance.min_score), key=lambda item: -item[0])
+    return good[: params.instance.max_instances]
+
+
+def _is_long(dlo: Dlo, image_width_px: int, params: FrameParams) -> bool:
+    length = float(arc_length(dlo.centre)[-1])
+    return length >= max(params.instance.min_length * image_width_px, params.instance.min_length_w * dlo.width)

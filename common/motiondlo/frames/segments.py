@@ -1,0 +1,126 @@
+"""Pieces of DLOs: from a chain of skeleton pixels to a measured centreline with both ends followed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from motiondlo.frames.edges import RefinedCurve, refine_centreline
+from motiondlo.frames.ends import FollowedEnd, Palette, follow_end, learn_palette
+from motiondlo.frames.params import FitParams
+from motiondlo.frames.polyline_fit import smooth_path
+from motiondlo.frames.strip import Scene
+from motiondlo.frames.traversal import Chain
+from motiondlo.geometry.curve import arc_length, resample
+
+FloatArray = npt.NDArray[np.float64]
+
+_TRIM_W = 0.6
+"""A skeleton's last half width is not on the centreline."""
+_SEARCH_WIDE_W = 2.5
+_WIDER = 1.22
+_REACH_W = 4.0
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A measured piece of a DLO, image px."""
+
+    centre: FloatArray
+    """(K, 2) from end to end."""
+    sigma: FloatArray
+    """(K,) along the normal."""
+    width: float
+    width_spread: float
+    edge_support: float
+    edge_blur: float
+    palette: Palette
+    ends: tuple[FollowedEnd, FollowedEnd]
+
+    @property
+    def length(self) -> float:
+        """Arc length, px."""
+        return float(arc_length(self.centre)[-1])
+
+
+def image_from_working(path: FloatArray, scale: float) -> FloatArray:
+    """Working px to image px; pixel centres are integers at both sizes."""
+    return np.asarray((path + 0.5) * scale - 0.5, dtype=np.float64)
+
+
+def measure_segment(scene: Scene, chain: Chain, params: FitParams) -> Segment | None:
+    """Trim, smooth and refine a chain, then follow its ends. None when nothing of it is left."""
+    scale = scene.board.scale
+    path = image_from_working(trim_ends(chain), scale)
+    width = chain.width * scale
+    if len(path) < 4 or float(arc_length(path)[-1]) < 1.2 * width:
+        return None
+    smooth = smooth_path(path, params.savgol_window_w * width, params.savgol_order)
+    refined = (
+        refine_centreline(scene, smooth, width, params.refine_rounds, params.smooth_length_w)
+        if params.refine
+        else _unrefined(smooth, width)
+    )
+    return follow_both_ends(scene, refined)
+
+
+def follow_both_ends(scene: Scene, refined: RefinedCurve) -> Segment:
+    """Extend (or cut back) a refined centreline to where the DLO ends."""
+    palette = learn_palette(scene, refined.centre, refined.width)
+    reach = _REACH_W * refined.width
+    ends = (
+        follow_end(scene, refined.centre, 0, palette, reach),
+        follow_end(scene, refined.centre, 1, palette, reach),
+    )
+    centre = np.concatenate([ends[0].extension[::-1], refined.centre, ends[1].extension])
+    # Past the measured part the curve is a continuation: its error grows with the square of the way.
+    grow = [0.5 * refined.width * (np.arange(1, len(e.extension) + 1) / (4.0 * refined.width)) ** 2 for e in ends]
+    sigma = np.concatenate([refined.sigma[0] + grow[0][::-1], refined.sigma, refined.sigma[-1] + grow[1]])
+    for side, end in enumerate(ends):
+        if end.cut_px > 0.0:
+            centre, sigma = _cut(centre, sigma, side, end.cut_px)
+    return Segment(
+        centre,
+        sigma,
+        refined.width,
+        refined.width_spread,
+        refined.edge_support,
+        refined.edge_blur,
+        palette,
+        ends,
+    )
+
+
+def trim_ends(chain: Chain) -> FloatArray:
+    """Take off the unreliable ends of a chain: the last half width, and where it widens into something else.
+
+    The skeleton of a DLO that enters a gripper turns towards a jaw where mask and jaws become one: there the mask is
+    wider than the DLO. Returns (K, 2) working px.
+    """
+    s = arc_length(chain.path)
+    width = chain.width
+    start, stop = 0.0, float(s[-1])
+    radius = np.where(np.isfinite(chain.radius), chain.radius, 0.0)
+    wide = 2.0 * radius > _WIDER * width + 0.5
+    near_start = wide & (s < _SEARCH_WIDE_W * width)
+    near_stop = wide & (s > stop - _SEARCH_WIDE_W * width)
+    if near_start.any():
+        start = float(s[near_start].max()) + 0.5 * width
+    if near_stop.any():
+        stop = float(s[near_stop].min()) - 0.5 * width
+    start = max(start, _TRIM_W * width)
+    stop = min(stop, float(s[-1]) - _TRIM_W * width)
+    return np.asarray(chain.path[(s >= start) & (s <= stop)], dtype=np.float64)
+
+
+def _cut(centre: FloatArray, sigma: FloatArray, side: int, cut_px: float) -> tuple[FloatArray, FloatArray]:
+    s = arc_length(centre)
+    keep = s >= cut_px if side == 0 else s <= s[-1] - cut_px
+    return (centre[keep], sigma[keep]) if int(keep.sum()) >= 8 else (centre, sigma)
+
+
+def _unrefined(path: FloatArray, width: float) -> RefinedCurve:
+    count = max(8, round(float(arc_length(path)[-1]) / 2.0) + 1)
+    return RefinedCurve(resample(path, count), np.full(count, 0.7), width, 0.0, 1.0, 0.0)
