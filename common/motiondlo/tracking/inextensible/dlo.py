@@ -142,6 +142,7 @@ class InextensibleDlo:
         self.known_s_px = [0.0, length]
         self.noise_factor = 1.0
         self.silent_ms = 0.0
+        self.recent_speed = 0.0
         self.frozen = True
         self.fit_px = 0.0
         self.seen, self.could = 0, 0
@@ -199,7 +200,9 @@ class InextensibleDlo:
         n = self.n
         self.tick += 1
         speed = float(np.percentile(np.hypot(self.vn, self.vt), 90)) if self.tick > 1 else 0.0
-        scale = p.noise_scale * max(p.noise_rest_share, min(speed / p.noise_speed, 1.5)) * self.noise_factor
+        self.recent_speed = max(speed, self.recent_speed * float(np.exp(-dt_ms / p.noise_memory_ms)))
+        speed_drive = self.recent_speed
+        scale = p.noise_scale * max(p.noise_rest_share, min(speed_drive / p.noise_speed, 1.5)) * self.noise_factor
         before_x, before_cov = self.x.copy(), self.cov.copy()
         decay = float(np.exp(-dt_ms / p.velocity_decay_ms))
         predict(self.x, self.cov, n, dt_ms, decay, self.acceleration_cov, scale, self.constants_q)
@@ -208,7 +211,7 @@ class InextensibleDlo:
         active = self._active()
         self._windows(dt_ms)
         observe_stations(
-            surface, t_us, self.p, self.th, self.kappa, self.vn, self.vt, self.omega, self.window_max, self.band,
+            surface, t_us, self.p, self.th, self.kappa, self.vn, self.vt, self.omega, self.sv, self.window_max, self.band,
             active, self.llr, 0.5 * STRIDE * self.layout.ds_px, p.latency_ms, p.window_min_ms, p.events_target,
             p.events_min, p.ambiguous_velocity, self.offset, self.sigma, self.age, self.count, self.quality,
             self.window, self.contrast,
@@ -301,6 +304,7 @@ class InextensibleDlo:
                 self.good, self.absent_ms, self._edge,
             ):  # fmt: skip
                 end.kind = EndKind.TIP
+                end.found = True
                 end.s_px = float(self._edge.mean())
                 k = 2 * self.n + END_A + end.index
                 self.x[k] = 0.0

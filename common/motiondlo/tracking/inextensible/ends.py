@@ -24,6 +24,7 @@ Int64Array = npt.NDArray[np.int64]
 _PATCH_CAPACITY = 8000
 _TIP_REACH_PX = 40
 _TIP_SEARCH_PX = 14
+_TIP_SEARCH_NEW_PX = 34
 
 
 @dataclass
@@ -80,6 +81,8 @@ class EndTracker:
     template: npt.NDArray[np.float32] = field(init=False)
     log_template: npt.NDArray[np.float32] = field(init=False)
     tip_profile: FloatArray = field(init=False)
+    found: bool = False
+    """The tip came into view after the start."""
     learned: int = 0
     tip_learned: int = 0
     patch_events: int = 0
@@ -266,7 +269,9 @@ class EndTracker:
         count, age = self._tip_histogram(surface, t_us, pose)
         if count < p.tip_events_min:
             return
-        match_tip(self._histogram, self.tip_profile, _TIP_SEARCH_PX, self._tip)
+        # A tip that was just found lies anywhere between two stations.
+        reach = _TIP_SEARCH_PX if self.tip_learned >= 5 or not self.found else _TIP_SEARCH_NEW_PX
+        match_tip(self._histogram, self.tip_profile, reach, self._tip)
         if self._tip[1] <= 0.0:
             return
         self.tip_shift_px = float(self._tip[0])

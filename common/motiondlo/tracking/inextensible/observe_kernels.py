@@ -100,6 +100,7 @@ def observe_stations(  # type: ignore[no-untyped-def]
     vn,
     vt,
     omega,
+    sv,
     window_max_ms,
     band_px,
     active,
@@ -185,7 +186,7 @@ def observe_stations(  # type: ignore[no-untyped-def]
         best = np.float32(-1e9)
         best_shift = 0
         best_flip = False
-        flips = 2 if abs(vn[i]) < v_ambiguous else 1
+        flips = 2 if abs(vn[i]) < max(v_ambiguous, 2.0 * sv[i]) else 1
         soft = 1.0 / (band_px[i] * BINS_PER_PX)
         for f in range(flips):
             for s in range(-reach_bins, reach_bins + 1):

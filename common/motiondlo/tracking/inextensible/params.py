@@ -52,6 +52,7 @@ class InextensibleParams(BaseModel):
     noise_scale: float = Field(0.5, ge=1e-3, le=50.0, description="acceleration noise in motion, px^2/ms^3")
     noise_rest_share: float = Field(0.02, ge=1e-4, le=1.0, description="share of it at rest")
     noise_speed: float = Field(5.0, ge=0.1, le=50.0, description="speed at which the noise is full")
+    noise_memory_ms: float = Field(20.0, ge=0.5, le=1000.0, description="how long the noise outlasts the speed")
     noise_surprise: float = Field(1.5, ge=0.5, le=10.0, description="median squared innovation that doubles the noise")
     noise_growth_max: float = Field(30.0, ge=1.0, le=1000.0, description="most that surprise multiplies the noise by")
     correlation_px: float = Field(150.0, ge=20.0, le=1000.0, description="correlation length of the acceleration")
