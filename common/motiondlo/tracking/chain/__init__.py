@@ -1,0 +1,1 @@
+"""The default event tracker: a Kalman filter over the nodes of a chain."""

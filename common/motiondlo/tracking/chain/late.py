@@ -1,0 +1,148 @@
+"""Late corrections: a frame's shape as an innovation at its own time, carried forward along the material coordinate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from motiondlo.frames.types import EndKind
+from motiondlo.geometry.curve import point_at, project
+from motiondlo.tracking.chain import filter_kernels
+from motiondlo.tracking.chain.chain import Chain
+from motiondlo.tracking.chain.spline import weights
+from motiondlo.tracking.types import Correction
+
+FloatArray = npt.NDArray[np.float64]
+
+_CALIBRATION_SIGMA_PX = 1.0
+"""Smooth error of the homography, which all frames share."""
+_TIP_SIGMA_PX = 3.0
+_GATE = 36.0
+_RIM_PX = 12.0
+
+
+@dataclass(frozen=True)
+class PastShape:
+    """A chain at a past time: enough to compare a frame's shape with."""
+
+    nodes: FloatArray
+    """(K, 2) control nodes."""
+    prepended: int
+    """Control nodes that had been put in front since the start: u counts from the first of them."""
+
+    @staticmethod
+    def of(chain: Chain) -> PastShape:
+        """The chain as it is now."""
+        return PastShape(np.stack([chain.x[: chain.K], chain.x[chain.K : 2 * chain.K]], axis=1), chain.prepended)
+
+    def points(self, u: FloatArray, prepended: int) -> tuple[FloatArray, FloatArray]:
+        """Points and unit tangents at the places that have coordinate ``u`` in a chain with ``prepended`` nodes."""
+        K = len(self.nodes)
+        j0, w, w1, _ = weights(np.clip(u + (self.prepended - prepended), 0.0, K - 3.0), K)
+        local = self.nodes[j0[:, None] + np.arange(4)]
+        t = (w1[:, :, None] * local).sum(axis=1)
+        return (w[:, :, None] * local).sum(axis=1), t / np.maximum(np.hypot(t[:, 0], t[:, 1]), 1e-9)[:, None]
+
+
+def absorb(chain: Chain, past: PastShape, correction: Correction) -> Callable[[PastShape], PastShape] | None:
+    """Blend a frame's shape into the chain; None where it is implausible.
+
+    Offsets at the frame's time, in the curve's own normal and tangential directions, are taken as measurements of the
+    same material places now. Returns the change that the history since then needs.
+    """
+    K = chain.K
+    u = np.arange(np.ceil(chain.u_first), np.floor(chain.u_last) + 0.5)
+    then, t_then = past.points(u, chain.prepended)
+    shape = np.asarray(correction.nodes, dtype=np.float64)
+    distance, s = project(then, shape)
+    length = float(np.hypot(*np.diff(shape, axis=0).T).sum())
+    nearest = point_at(shape, s)
+    n_then = np.stack([-t_then[:, 1], t_then[:, 0]], axis=1)
+    offset = ((nearest - then) * n_then).sum(axis=1)
+    # Places past an end of the frame's shape have no counterpart in it.
+    faced = (s > 1e-6) & (s < length - 1e-6) & (distance < 10.0 * chain.diameter_px)
+    sigma = np.interp(s, np.linspace(0.0, length, len(shape)), correction.sigma_normal_px)
+
+    j0, w, w1, w2 = weights(u, K)
+    g = np.zeros((len(u), 10))
+    cov = np.zeros((len(u), 3))
+    filter_kernels.place(chain.x, K, j0, w, w1, w2, g)
+    filter_kernels.place_covariance(chain.P, K, j0, w, cov, False)
+    tx, ty = g[:, 2], g[:, 3]
+    own = ty**2 * cov[:, 0] - 2 * tx * ty * cov[:, 1] + tx**2 * cov[:, 2]
+    # The frame's errors agree over about three node distances; what the chain knew then has changed since by about as
+    # much as it does not know now.
+    R = 3.0 * (sigma**2 + _CALIBRATION_SIGMA_PX**2) + own
+    if faced.sum() < 3:
+        return None
+    if float(np.median(offset[faced] ** 2 / (R + own)[faced])) > _GATE:
+        return None
+    before = chain.x[: 2 * K].copy()
+    ends = _end_rows(chain, past, correction, shape)
+    for k in np.flatnonzero(faced):
+        _apply(chain, j0[k], w[k], np.array([-ty[k], tx[k]]), float(offset[k]), float(R[k]))
+    for jj, ww, axis, z, variance in ends:
+        _apply(chain, jj, ww, axis, z, variance)
+    delta = (chain.x[: 2 * K] - before).reshape(2, K).T
+    prepended = chain.prepended
+
+    def change(state: PastShape) -> PastShape:
+        lead = prepended - state.prepended
+        moved = state.nodes.copy()
+        count = min(len(moved), len(delta) - lead)
+        moved[:count] += delta[lead : lead + count]
+        return PastShape(moved, state.prepended)
+
+    return change
+
+
+def _apply(chain: Chain, j0: int, w: FloatArray, axis: FloatArray, z: float, R: float) -> None:
+    """One offset ``z`` along ``axis`` at a place; an innovation beyond three sigma is taken with less weight."""
+    index = np.concatenate([j0 + np.arange(4), chain.K + j0 + np.arange(4)]).astype(np.int64)
+    h = np.concatenate([w * axis[0], w * axis[1]])
+    s = filter_kernels.row_variance(chain.P, index, h, 8) + R
+    nis = z * z / s
+    filter_kernels.update(chain.x, chain.P, index, h, 8, z, R * (1.0 + max(nis - 9.0, 0.0)), chain.scratch_row)
+
+
+def _end_rows(
+    chain: Chain, past: PastShape, correction: Correction, shape: FloatArray
+) -> list[tuple[int, FloatArray, FloatArray, float, float]]:
+    """Tangential offsets of free tips that both the chain and the frame show."""
+    rows: list[tuple[int, FloatArray, FloatArray, float, float]] = []
+    u_ends = np.array([chain.u_first, chain.u_last])
+    then, t_then = past.points(u_ends, chain.prepended)
+    same = np.hypot(*(shape[0] - then[0])) + np.hypot(*(shape[-1] - then[1])) <= np.hypot(
+        *(shape[-1] - then[0])
+    ) + np.hypot(*(shape[0] - then[1]))
+    for k in (0, 1):
+        m = k if same else 1 - k
+        if chain.ends[k].kind is not EndKind.TIP or correction.ends[m] is not EndKind.TIP:
+            continue
+        tip = shape[0] if m == 0 else shape[-1]
+        width, height = chain.geometry.width_px, chain.geometry.height_px
+        if not (_RIM_PX < tip[0] < width - _RIM_PX and _RIM_PX < tip[1] < height - _RIM_PX):
+            continue
+        z = float((tip - then[k]) @ t_then[k])
+        j0, w, w1, _ = weights(u_ends[k : k + 1], chain.K)
+        local = np.stack([chain.x[j0[0] : j0[0] + 4], chain.x[chain.K + j0[0] : chain.K + j0[0] + 4]], axis=1)
+        t = w1[0] @ local
+        sigma = correction.sigma_tangent_px[0 if m == 0 else -1]
+        rows.append((int(j0[0]), w[0], t / max(np.hypot(*t), 1e-9), z, float(sigma**2 + _TIP_SIGMA_PX**2)))
+    return rows
+
+
+def carried_forward(correction: Correction, chain: Chain, past: PastShape) -> Correction:
+    """The correction's shape moved as the chain moved between the frame's time and now."""
+    u = np.linspace(chain.u_first, chain.u_last, 60)
+    then, _ = past.points(u, chain.prepended)
+    now, _ = PastShape.of(chain).points(u, chain.prepended)
+    shape = np.asarray(correction.nodes, dtype=np.float64)
+    _, s = project(shape, then)
+    knots = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(then, axis=0).T))])
+    motion = now - then
+    moved = shape + np.stack([np.interp(s, knots, motion[:, 0]), np.interp(s, knots, motion[:, 1])], axis=1)
+    return replace(correction, nodes=moved)

@@ -1,0 +1,116 @@
+"""What the events of a DLO should look like, from the straightened strip of its first frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import gaussian_filter, map_coordinates
+
+from motiondlo.frames.types import Appearance
+
+FloatArray = npt.NDArray[np.float64]
+F4 = npt.NDArray[np.float32]
+
+PROFILE_MARGIN_PX = 12.0
+"""Reach of a profile beyond the radius: cast shadows and highlights on the board."""
+_PAIR_SHARE = 0.25
+_MIN_GRADIENT = 0.02
+
+
+def profile_bins(radius_px: float) -> int:
+    """Half the number of half-pixel bins of a profile about its middle."""
+    return round(2.0 * (radius_px + PROFILE_MARGIN_PX))
+
+
+def pair_density(radius_px: float, half_bins: int, bright: FloatArray) -> FloatArray:
+    """(S, 2, J) two edges at +-r; ``bright`` (S, 2): sign of inner minus outer brightness at -r and at +r."""
+    d = (np.arange(2 * half_bins + 1) - half_bins) * 0.5
+    out = np.zeros((len(bright), 2, len(d)))
+    for side, sign in ((0, 1.0), (1, -1.0)):
+        edge = np.exp(-0.5 * ((d - (-radius_px if side == 0 else radius_px)) / 1.5) ** 2)
+        rises = bright[:, side] * sign
+        out[:, 0] += np.maximum(rises, 0.0)[:, None] * edge
+        out[:, 1] += np.maximum(-rises, 0.0)[:, None] * edge
+    total = out.sum(axis=(1, 2), keepdims=True)
+    return np.asarray(out / np.maximum(total, 1e-12), dtype=np.float64)
+
+
+def profile_densities(
+    look: Appearance | None, s_px: FloatArray, radius_px: float, half_bins: int, along_px: float
+) -> FloatArray:
+    """Densities (S, 2, J) of positive and negative brightness gradients along the normal at arc lengths ``s_px`` (S,).
+
+    Each sums to one over both signs: three parts of the frame's gradients to one part of two plain edges at +-r.
+    Without a look, or where the frame does not reach: two edges of either sign.
+    """
+    count = len(s_px)
+    unknown = pair_density(radius_px, half_bins, np.ones((count, 2)))
+    unknown = 0.5 * (unknown + unknown[:, ::-1])
+    if look is None:
+        return unknown
+    rows = (s_px - look.s0_px) / look.ds_px
+    half = max(1, round(0.5 * along_px / look.ds_px))
+    centre = (look.strip.shape[1] - 1) / 2.0
+    d = (np.arange(2 * half_bins + 1) - half_bins) * 0.5
+    columns = d / look.dn_px + centre
+    lines = np.stack([_sample(look.strip, rows + k, columns) for k in range(-half, half + 1)])
+    known = np.stack([_sample(look.known.astype(np.float32), rows + k, columns) for k in range(-half, half + 1)])
+    profile = lines.mean(axis=0)
+    gradient = np.gradient(gaussian_filter(profile, (0.0, 1.0), mode="nearest"), 0.5, axis=1)
+    gradient[np.abs(gradient) < _MIN_GRADIENT] = 0.0
+    total = np.abs(gradient).sum(axis=1)
+    inner = profile[:, np.abs(d) < 0.6 * radius_px].mean(axis=1)
+    outer = [
+        profile[:, (side * d > 1.3 * radius_px) & (side * d < 1.3 * radius_px + 6.0)].mean(axis=1) for side in (-1, 1)
+    ]
+    pair = pair_density(radius_px, half_bins, np.sign(np.stack([inner - o for o in outer], axis=1)))
+    seen = np.stack([np.maximum(gradient, 0.0), np.maximum(-gradient, 0.0)], axis=1)
+    seen /= np.maximum(total, 1e-9)[:, None, None]
+    mixed = (1.0 - _PAIR_SHARE) * seen + _PAIR_SHARE * pair
+    usable = (known.mean(axis=(0, 2)) > 0.7) & (total > 0.0) & (pair.sum(axis=(1, 2)) > 0.5)
+    return np.where(usable[:, None, None], mixed, unknown)
+
+
+@dataclass(frozen=True)
+class EndPatch:
+    """Brightness gradients about an end of a chain, 1 px apart (see ``patch_kernels``)."""
+
+    grad_a: F4
+    """(A, D) along the outward tangent."""
+    grad_d: F4
+    """(A, D) along the left normal."""
+    a0: float
+    a1: float
+    dm: float
+    strength: float
+    """Share of the patch's pixels whose gradient would make events."""
+
+
+def end_patch(look: Appearance, end: int, length_px: float, a0: float, a1: float, dm: float) -> EndPatch:
+    """The patch from ``a0`` to ``a1`` px outwards of end 0 or 1, +-``dm`` px to the sides."""
+    a = np.arange(a0, a1 + 0.5)
+    d = np.arange(-dm, dm + 0.5)
+    s = length_px + a if end == 1 else -a
+    rows = (s - look.s0_px) / look.ds_px
+    columns = d / look.dn_px + (look.strip.shape[1] - 1) / 2.0
+    image = gaussian_filter(_sample(look.strip, rows, columns), 0.8, mode="nearest")
+    known = _sample(look.known.astype(np.float32), rows, columns) > 0.9
+    grad_a = np.where(known, np.gradient(image, axis=0), 0.0)
+    grad_d = np.where(known, np.gradient(image, axis=1), 0.0)
+    strength = float((np.hypot(grad_a, grad_d) > 0.05).mean())
+    return EndPatch(
+        np.ascontiguousarray(grad_a, dtype=np.float32),
+        np.ascontiguousarray(grad_d, dtype=np.float32),
+        float(a[0]),
+        float(a[-1]),
+        float(d[-1]),
+        strength,
+    )
+
+
+def _sample(image: F4, rows: FloatArray, columns: FloatArray) -> FloatArray:
+    """(len(rows), len(columns)) linear interpolation, borders repeated."""
+    grid = np.meshgrid(rows, columns, indexing="ij")
+    return np.asarray(map_coordinates(image, grid, order=1, mode="nearest", output=np.float64), dtype=np.float64)

@@ -1,0 +1,116 @@
+"""The chain tracker: any number of DLOs, each a Kalman filter over control nodes, on one surface of event times."""
+
+from __future__ import annotations
+
+from time import perf_counter_ns
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from motiondlo.events.types import EventBatch, SensorGeometry
+from motiondlo.rejects import RejectReason
+from motiondlo.tracking.chain.chain import Chain
+from motiondlo.tracking.chain.late import PastShape, absorb, carried_forward
+from motiondlo.tracking.chain.params import ChainParams
+from motiondlo.tracking.correction_gate import CorrectionGate
+from motiondlo.tracking.types import Correction, CorrectionKind, TrackUpdate
+
+
+class ChainTracker:
+    """Implements :class:`motiondlo.tracking.types.EventTracker`."""
+
+    def __init__(self, params: ChainParams, geometry: SensorGeometry) -> None:
+        self.params = params
+        self.geometry = geometry
+        self._last = np.full((2, geometry.height_px, geometry.width_px), -(10**15), np.int64)
+        self._chains: dict[int, Chain] = {}
+        self._gate: CorrectionGate[PastShape] = CorrectionGate(params.history_ms * 1000)
+        self._now_us = -1
+        self._newest_us = -1
+
+    def warm_up(self) -> None:
+        """Compile, or load from the cache, everything that an update needs."""
+        from motiondlo.tracking.chain.warm import exercise
+
+        exercise(self.params)
+
+    def correct(self, correction: Correction) -> RejectReason | None:
+        """Take a correction (kept until ``not_before_us`` if that lies ahead); a reason if it is refused."""
+        return self._gate.admit(correction, self._now_us)
+
+    def update(self, batch: EventBatch) -> TrackUpdate:
+        """Advance to ``batch.t1_us``. A gap before the batch is bridged by prediction."""
+        start = perf_counter_ns()
+        before_us = self._now_us if self._now_us >= 0 else batch.t0_us
+        dt_ms = max((batch.t1_us - before_us) * 1e-3, 1e-3)
+        self._apply_due(batch.t1_us, before_us)
+        e = batch.events
+        if len(e):
+            _store(e["t"], e["x"], e["y"], e["p"], self._last)
+            self._newest_us = int(e["t"][-1])
+        stored = perf_counter_ns()
+        for chain in self._chains.values():
+            chain.step(self._last, batch.t1_us, dt_ms)
+        self._now_us = batch.t1_us
+        stepped = perf_counter_ns()
+        tracks = []
+        for chain in self._chains.values():
+            self._gate.history(chain.id).record(batch.t1_us, PastShape.of(chain))
+            tracks.append(chain.state())
+        done = perf_counter_ns()
+        return TrackUpdate(
+            t_us=batch.t1_us,
+            t_events_us=self._newest_us,
+            tracks=tuple(tracks),
+            events=len(e),
+            active_ratio=self._active_ratio(),
+            stages_ns={"surface": stored - start, "filter": stepped - stored, "report": done - stepped},
+            rejects=self._gate.rejects.as_dict(),
+        )
+
+    def _active_ratio(self) -> float:
+        area = sum(chain.active_px for chain in self._chains.values())
+        return float(area / (self.geometry.width_px * self.geometry.height_px))
+
+    def _apply_due(self, now_us: int, state_us: int) -> None:
+        for correction in self._gate.due(now_us):
+            if not self._gate.still_valid(correction, now_us):
+                continue
+            chain = self._chains.get(correction.id)
+            if correction.kind is CorrectionKind.RETIRE:
+                self._chains.pop(correction.id, None)
+                self._gate.retired(correction.id)
+            elif correction.kind is CorrectionKind.REINITIALISE:
+                history = self._gate.history(correction.id) if chain is not None else None
+                past = history.at(correction.t_us) if history is not None else None
+                shape = correction if chain is None or past is None else carried_forward(correction, chain, past)
+                fresh = Chain(shape, self.params, self.geometry)
+                fresh.reinitialised = 0 if chain is None else chain.reinitialised + 1
+                fresh.t_corrected_us = correction.t_us
+                self._chains[correction.id] = fresh
+                self._gate.started(correction.id, correction.t_us)
+                self._gate.history(correction.id).record(correction.t_us, PastShape.of(fresh))
+                self._gate.absorbed(correction)
+            elif chain is not None:
+                history = self._gate.history(correction.id)
+                past = history.at(correction.t_us)
+                change = absorb(chain, past, correction) if past is not None else None
+                if change is None:
+                    self._gate.rejects.count(RejectReason.IMPLAUSIBLE)
+                    continue
+                history.revise(correction.t_us, change)
+                chain.t_corrected_us = correction.t_us
+                self._gate.absorbed(correction)
+
+
+@numba.njit(cache=True, nogil=True)
+def _store(
+    t: npt.NDArray[np.int64],
+    x: npt.NDArray[np.uint16],
+    y: npt.NDArray[np.uint16],
+    p: npt.NDArray[np.uint8],
+    last: npt.NDArray[np.int64],
+) -> None:
+    for i in range(t.shape[0]):
+        last[p[i], y[i], x[i]] = t[i]
