@@ -24,13 +24,22 @@ def station_rows(  # type: ignore[no-untyped-def]
     rows = 0
     seen = 0
     could = 0
+    # Where nothing was seen before, a handful of stray events is no match: ask for a share of what others have.
+    total = 0.0
+    matched = 0
+    for i in range(m):
+        if active[i] and sigma[i] > 0.0 and alive[i] > 0.5:
+            total += count[i]
+            matched += 1
+    new_min = max(events_min, 0.3 * total / max(matched, 1))
     for i in range(m):
         good[i] = 0
         nis[i] = 0.0
         if not active[i]:
             continue
         could += 1
-        if sigma[i] > 0.0 and count[i] >= events_min and quality[i] > quality_min:
+        fewest = events_min if alive[i] > 0.3 else new_min
+        if sigma[i] > 0.0 and count[i] >= fewest and quality[i] > quality_min:
             r = sigma_floor**2 + 4.0 * sigma[i] ** 2 + (sigma_age * age[i] ** 2) ** 2
             r *= max(1.0, window_ms[i] / dt_ms)
             for k in range(size):
@@ -104,6 +113,13 @@ def update_support(dt_ms, active, good, count, vn, events_min, alive, support, a
     alive 0..1: it is known to be in view; support 0..1: it was seen lately, or rests where it was seen; absent_ms: how
     long it should have been seen, moving in view, and was not.
     """
+    total = 0.0
+    seen = 0
+    for i in range(alive.shape[0]):
+        if good[i]:
+            total += count[i]
+            seen += 1
+    fewest = max(events_min, 0.3 * total / max(seen, 1))
     for i in range(alive.shape[0]):
         if not active[i]:
             alive[i] *= np.exp(-dt_ms / 5.0)
@@ -114,38 +130,49 @@ def update_support(dt_ms, active, good, count, vn, events_min, alive, support, a
             support[i] = min(1.0, support[i] + 0.2 * dt_ms)
             absent_ms[i] = max(0.0, absent_ms[i] - 3.0 * dt_ms)
         elif abs(vn[i]) > 0.7:
-            if count[i] < events_min:
+            if count[i] < fewest:
                 alive[i] = max(0.0, alive[i] - 0.1 * dt_ms)
                 absent_ms[i] += dt_ms
             support[i] = max(0.0, support[i] - 0.05 * dt_ms)
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def find_end(direction, limit_ms, margin_px, width, height, p, s_px, good, absent_ms, out):  # type: ignore[no-untyped-def]
+def find_end(  # type: ignore[no-untyped-def]
+    direction, limit_ms, margin_px, width, height, p, s_px, good, absent_ms, out
+):
     """Where a DLO of unknown extent ends in the image. direction: 1 towards larger s, -1 towards smaller.
 
     An end is found when beyond the outermost station seen at least two stations lie well inside the image and have been
     absent for ``limit_ms``. out: [s of the outermost station seen, s of the next]. Returns 1 if found, else 0.
     """
     m = p.shape[0]
-    i = m - 1 if direction > 0 else 0
+    i = 0 if direction > 0 else m - 1
     while 0 <= i < m and not good[i]:
-        i -= direction
-    if i < 0 or i >= m:
+        i += direction
+    # From the part that is surely there outwards: the first pair of stations that should be seen and are not, with
+    # nothing but such stations (or the image border) behind it.
+    while 0 <= i + 2 * direction < m:
+        k = i + direction
+        if absent_ms[k] >= limit_ms and absent_ms[k + direction] >= limit_ms:
+            break
+        i = k
+    else:
         return 0
     out[0] = s_px[i]
-    out[1] = s_px[i]
-    absent = 0
+    out[1] = s_px[i + direction]
     k = i + direction
-    while 0 <= k < m and absent < 2:
+    absent = 0
+    present = 0
+    while 0 <= k < m:
         inside = margin_px < p[k, 0] < width - margin_px and margin_px < p[k, 1] < height - margin_px
-        if not inside or absent_ms[k] < limit_ms:
-            return 0
-        absent += 1
-        if absent == 1:
-            out[1] = s_px[k]
+        if not inside:
+            break
+        if absent_ms[k] >= 0.5 * limit_ms:
+            absent += 1
+        else:
+            present += 1
         k += direction
-    return 1 if absent == 2 else 0
+    return 1 if absent >= 2 and absent > 3 * present else 0
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
