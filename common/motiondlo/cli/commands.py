@@ -38,7 +38,10 @@ class Command:
         return cast(CommandModule, importlib.import_module(self.module))
 
 
-COMMANDS = (Command("eval", "motiondlo.cli.eval", "errors of tracks against a recording's ground truth"),)
+COMMANDS = (
+    Command("track", "motiondlo.cli.track", "follow the DLOs through a recording, write tracks.npz"),
+    Command("eval", "motiondlo.cli.eval", "errors of tracks against a recording's ground truth"),
+)
 
 
 def find_command(words: list[str], commands: tuple[Command, ...] = COMMANDS) -> tuple[Command, list[str]] | None:

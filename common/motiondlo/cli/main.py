@@ -49,7 +49,9 @@ def main(argv: Sequence[str] | None = None, commands: tuple[Command, ...] = COMM
 
 def _guarded(command: Command, args: Namespace) -> int:
     try:
-        return command.load().run(args)
+        code = command.load().run(args)
+        sys.stdout.flush()
+        return code
     except KeyboardInterrupt:
         print("motiondlo: interrupted.", file=sys.stderr)
         return INTERRUPTED

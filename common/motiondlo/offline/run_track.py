@@ -1,0 +1,112 @@
+"""Track a recording from end to end: deterministic, causal, as fast as it can."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from motiondlo.config.validation import validated
+from motiondlo.errors import RecordingError
+from motiondlo.events.reader import EventFile, open_events
+from motiondlo.events.types import SensorGeometry
+from motiondlo.fusion.core import FusionCore
+from motiondlo.fusion.params import FusionParams
+from motiondlo.fusion.state import FusedState
+from motiondlo.offline.frame_hold import FrameHoldTracker
+from motiondlo.offline.frame_segmenter import FrameSegmenter
+from motiondlo.offline.hybrid_loop import FrameBranch, HybridLoop
+from motiondlo.offline.options import TrackMode, TrackOptions
+from motiondlo.offline.progress import Progress, no_progress
+from motiondlo.offline.tracks import Tracks, TracksBuilder
+from motiondlo.recording.layout import Recording
+from motiondlo.tracking.factory import make_tracker
+from motiondlo.tracking.types import EventTracker
+
+
+@dataclass
+class TrackRun:
+    """A recording being tracked; ``states`` drives it, the counts are final when that is used up."""
+
+    recording: Recording
+    events: EventFile
+    loop: HybridLoop
+    options: TrackOptions
+    end_us: int
+    """About where the recording ends, for progress; 0 if unknown."""
+    updates: int = field(default=0, init=False)
+
+    def states(self, progress: Progress = no_progress) -> Iterator[FusedState]:
+        """The fused state after every batch."""
+        for batch in self.events.batches(self.options.update_us):
+            if not self.updates:
+                self.loop.start(batch.t0_us)
+            yield self.loop.step(batch)
+            self.updates += 1
+            if self.updates % 50 == 0 and self.end_us > 0:
+                progress(min(batch.t1_us / self.end_us, 1.0))
+        progress(1.0)
+
+    def notes(self) -> list[str]:
+        """What a person should know of the run: damage, rejects and failures, one line each."""
+        counts = {
+            "damage in events.raw": {kind: n for kind, n in self.events.damage.items() if n},
+            "frames not used": {reason.value: n for reason, n in self.recording.rejects.items()},
+            "corrections refused": self.loop.rejects.as_dict(),
+        }
+        lines = [
+            f"{what}: {', '.join(f'{kind} {n}' for kind, n in found.items())}"
+            for what, found in counts.items()
+            if found
+        ]
+        if self.loop.failures:
+            lines.append(f"segmentations that failed: {len(self.loop.failures)}, the last: {self.loop.failures[-1]}")
+        return lines
+
+
+def prepare(recording: Recording, options: TrackOptions) -> TrackRun:
+    """Everything that the run needs, checked before it starts.
+
+    Raises ConfigError for a wrong option, RecordingError or CalibrationError for what the mode needs and is absent.
+    """
+    size = recording.camera_info.event
+    geometry = None if size is None else SensorGeometry(size.width, size.height)
+    events = open_events(recording.events_path, geometry)
+    fusion = FusionCore(validated(FusionParams, options.fusion, "fusion"))
+    branch = None if options.mode is TrackMode.EVENT else _frame_branch(recording, options)
+    tracker: EventTracker = (
+        FrameHoldTracker()
+        if options.mode is TrackMode.FRAME
+        else make_tracker(options.profile, options.tracker, events.geometry)
+    )
+    end_us = recording.frames[-1].t_us if recording.frames else 0
+    return TrackRun(recording, events, HybridLoop(tracker, fusion, branch), options, end_us)
+
+
+def track_recording(
+    recording: Recording, options: TrackOptions | None = None, progress: Progress = no_progress
+) -> Tracks:
+    """Track every DLO of a recording; one row per DLO and batch. Raises as :func:`prepare`."""
+    return rows_of(prepare(recording, TrackOptions() if options is None else options).states(progress))
+
+
+def rows_of(states: Iterator[FusedState]) -> Tracks:
+    """One row per DLO of every state."""
+    builder = TracksBuilder()
+    for state in states:
+        for dlo in state.dlos:
+            builder.add(state.t_us, dlo.id, dlo.nodes, dlo.sigma_px, dlo.source)
+    return builder.build()
+
+
+def _frame_branch(recording: Recording, options: TrackOptions) -> FrameBranch:
+    if not recording.frames:
+        raise RecordingError(
+            f"{recording.path}: has no frames with trigger times.", "Use --mode event, which needs none."
+        )
+    segmenter = FrameSegmenter(recording, options.frames)
+    return FrameBranch(
+        frames=recording.frames,
+        segment=segmenter.segment,
+        latency_us=round(options.segmenter_latency_ms * 1000),
+        ask_always=options.mode is TrackMode.FRAME,
+    )
