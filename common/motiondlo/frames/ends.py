@@ -12,8 +12,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import gaussian_filter1d
 
+from motiondlo.frames.edges import COLUMN_PX, centre_path, edge_strength, locate_edges, robust_smooth
 from motiondlo.frames.strip import Scene, sample_strip
-from motiondlo.geometry.curve import arc_length, point_at
+from motiondlo.geometry.curve import arc_length, left_normals, point_at, tangents
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -21,6 +22,13 @@ _STEP_PX = 1.0
 _CORE_W = 0.34
 """Half width of the middle that is compared, in widths: edges and their shadows stay out."""
 _PALETTE_ROWS = 80
+_PERSIST_PX = 8
+"""A change that lasts less is a print."""
+_LEAST_CHANGE = 11.0
+"""Image codes."""
+_SHADE = (0.72, 1.06)
+"""Range of codes under a cast shadow over codes in the light (codes grow with the 2.2th root of light)."""
+_SHADE_COST = 0.25
 
 
 @dataclass(frozen=True)
@@ -63,7 +71,7 @@ def learn_palette(scene: Scene, centre: FloatArray, width: float) -> Palette:
     palette = rows[::step]
     # Rows halfway between palette rows: their distance to the palette is what likeness means.
     between = rows[step // 2 :: step]
-    noise = float(np.percentile(_nearest(between, palette, exclude=step < 4), 90.0))
+    noise = float(np.percentile(_nearest(between, palette, exclude=step < 4), 75.0))
     colour = np.median(rows.reshape(-1, 3), axis=0)
     return Palette(palette, max(noise, 1.5), width, colour)
 
@@ -71,37 +79,85 @@ def learn_palette(scene: Scene, centre: FloatArray, width: float) -> Palette:
 def follow_end(scene: Scene, centre: FloatArray, side: int, palette: Palette, reach_px: float) -> FollowedEnd:
     """Follow a curve past its first (side 0) or last (side 1) point.
 
-    centre: (K, 2) image px. reach_px: how far at most.
+    centre: (K, 2) image px. reach_px: how far at most. In steps of about half a width: the curve is continued, moved to the
+    middle between both edges, and compared with the palette, until the look changes for good.
     """
+    width = palette.width
     curve = centre if side == 1 else centre[::-1]
-    ahead = continue_curve(curve, palette.width, reach_px)
-    width, height = scene.size
-    inside = (ahead[:, 0] >= 0) & (ahead[:, 1] >= 0) & (ahead[:, 0] <= width - 1) & (ahead[:, 1] <= height - 1)
-    leaves = not inside.all()
-    if leaves:
-        ahead = ahead[: int(np.argmin(inside))]
-    if len(ahead) < 4:
-        return FollowedEnd(ahead, leaves, leaves)
-    # Some rows of the DLO itself come first: the distance must start low for a change to be seen.
-    lead = max(int(0.5 * palette.width), 4)
     length = float(arc_length(curve)[-1])
-    body = point_at(curve, np.asarray(length - np.arange(lead, -1, -1) * _STEP_PX, dtype=np.float64))
-    places = np.concatenate([body, ahead])
-    unlike = _nearest(_rows(scene, places, palette.width), palette.rows)
-    unlike = gaussian_filter1d(unlike, 0.7, mode="nearest")
-    stop = _first_change(unlike, palette.noise)
+    lead = max(int(0.6 * width), 6)
+    tail = _tail(curve, length, 3.5 * width)
+    # Some rows of the DLO itself come first: the distance must start low for a change to be seen.
+    places = point_at(curve, np.asarray(length - np.arange(lead, -1, -1) * _STEP_PX, dtype=np.float64))
+    size = np.array(scene.size, dtype=np.float64) - 1.0
+    step = max(int(0.55 * width), 6)
+    leaves = False
+    stop: float | None = None
+    while len(places) - lead - 1 < reach_px and not leaves:
+        ahead = continue_curve(tail, width, step + _PERSIST_PX)
+        ahead = _recentre(scene, tail, ahead, width)
+        inside = ((ahead >= 0.0) & (ahead <= size)).all(axis=1)
+        leaves = not bool(inside[:step].all())
+        if not inside.all():
+            ahead = ahead[: int(np.argmin(inside))]
+        if len(ahead) == 0:
+            break
+        unlike = _unlike(scene, np.concatenate([places, ahead]), side, palette)
+        stop = _first_change(unlike, palette.noise)
+        if stop is not None:
+            places = np.concatenate([places, ahead])
+            break
+        places = np.concatenate([places, ahead[:step]])
+        tail = _tail(np.concatenate([tail, ahead[:step]]), None, 3.5 * width)
+    grown = places[lead + 1 :]
     if stop is None:
-        return FollowedEnd(ahead if leaves else ahead[: int(0.5 * palette.width)], leaves, leaves)
+        return FollowedEnd(grown if leaves else grown[: int(0.5 * width)], leaves, leaves)
     kept = stop - lead
-    if kept <= 0:
+    if kept <= 0.0:
         return FollowedEnd(np.empty((0, 2)), True, False, -float(kept) * _STEP_PX)
     last = int(np.floor(kept))
-    part = kept - last
-    extension = ahead[:last]
-    start = body[-1] if last == 0 else ahead[last - 1]
-    if last < len(ahead):
-        extension = np.concatenate([extension, (start + part * (ahead[last] - start))[None]])
+    extension = grown[:last]
+    if last < len(grown):
+        start = places[lead + last]
+        extension = np.concatenate([extension, (start + (kept - last) * (grown[last] - start))[None]])
     return FollowedEnd(extension, True, False)
+
+
+def _tail(curve: FloatArray, length: float | None, span: float) -> FloatArray:
+    """The last ``span`` px of a curve in steps of one px."""
+    total = float(arc_length(curve)[-1]) if length is None else length
+    s = np.asarray(total - np.arange(int(min(span, total)), -1, -1) * _STEP_PX, dtype=np.float64)
+    return point_at(curve, s)
+
+
+def _recentre(scene: Scene, tail: FloatArray, ahead: FloatArray, width: float) -> FloatArray:
+    """Move a continuation to the middle between both edges; where there are none it stays.
+
+    The tail, already centred, comes first, so that the path of edges starts on the DLO.
+    """
+    known = min(int(1.2 * width), len(tail) - 1)
+    curve = np.concatenate([tail[-known:], ahead])[::2]
+    strip = sample_strip(scene, curve, 1.0 * width + 4.0, COLUMN_PX)
+    g = edge_strength(strip)
+    rough = centre_path(g, strip.offsets, width)
+    offset, weight, _ = locate_edges(g, strip.offsets, rough, width)
+    # Beyond the end anything may look like edges: only small corrections are followed.
+    weight = np.where(np.abs(offset) < 0.35 * width, weight, 0.0)
+    weight[: max(known // 4, 1)] = 1.0
+    offset[: max(known // 4, 1)] = 0.0
+    smooth, _ = robust_smooth(offset, weight, 0.7 * width / (2.0 * _STEP_PX))
+    rows = np.arange(len(curve)) * 2.0
+    moved = np.interp(known + np.arange(len(ahead)), rows, smooth)
+    normals = left_normals(tangents(ahead)) if len(ahead) > 1 else np.zeros_like(ahead)
+    return np.asarray(ahead + moved[:, None] * normals, dtype=np.float64)
+
+
+def _unlike(scene: Scene, places: FloatArray, side: int, palette: Palette) -> FloatArray:
+    rows = _rows(scene, places, palette.width)
+    if side == 0:
+        # Walked backwards, left and right are swapped.
+        rows = rows.reshape(len(rows), -1, 3)[:, ::-1].reshape(len(rows), -1)
+    return np.asarray(gaussian_filter1d(_nearest(rows, palette.rows), 0.7, mode="nearest"), dtype=np.float64)
 
 
 def continue_curve(curve: FloatArray, width: float, reach_px: float) -> FloatArray:
@@ -125,15 +181,13 @@ def continue_curve(curve: FloatArray, width: float, reach_px: float) -> FloatArr
 
 
 def _first_change(unlike: FloatArray, noise: float) -> float | None:
-    """Sub-sample place at which the look leaves the DLO's for good (three samples), None if it does not."""
-    high = float(np.percentile(unlike, 95.0))
-    threshold = max(2.5 * noise, 0.3 * high, 6.0)
-    beyond = unlike > threshold
-    run = beyond[:-2] & beyond[1:-1] & beyond[2:]
-    if not run.any():
+    """Sub-sample place at which the look leaves the DLO's for good, None if it does not."""
+    beyond = unlike > max(3.0 * noise, _LEAST_CHANGE)
+    count = np.convolve(beyond.astype(np.int64), np.ones(_PERSIST_PX, np.int64), mode="valid")
+    if not (count == _PERSIST_PX).any():
         return None
-    first = int(np.argmax(run))
-    plateau = float(np.median(unlike[first + 1 : first + 7]))
+    first = int(np.argmax(count == _PERSIST_PX))
+    plateau = float(np.median(unlike[first + 2 : first + _PERSIST_PX]))
     base = float(np.median(unlike[max(0, first - 8) : max(1, first - 2)]))
     half = 0.5 * (base + plateau)
     k = first
@@ -154,8 +208,15 @@ def _rows(scene: Scene, places: FloatArray, width: float) -> FloatArray:
 
 
 def _nearest(rows: FloatArray, palette: FloatArray, exclude: bool = False) -> FloatArray:
-    """Root mean square code difference of each row to its nearest palette row (the second nearest with ``exclude``)."""
-    squared = (rows**2).sum(axis=1)[:, None] + (palette**2).sum(axis=1)[None] - 2.0 * rows @ palette.T
+    """Root mean square code difference of each row to its nearest palette row (the second nearest with ``exclude``).
+
+    A palette row may be dimmed, as by the shadow of a gripper; dimming costs a little, so that it is no free disguise.
+    """
+    inner = rows @ palette.T
+    energy = np.maximum((palette**2).sum(axis=1), 1e-9)[None]
+    factor = np.clip(inner / energy, *_SHADE)
+    squared = (rows**2).sum(axis=1)[:, None] - 2.0 * factor * inner + factor**2 * energy
+    squared += (_SHADE_COST * (1.0 - factor)) ** 2 * energy
     squared = np.maximum(squared, 0.0) / rows.shape[1]
     if exclude and squared.shape[1] > 1:
         return np.asarray(np.sqrt(np.partition(squared, 1, axis=1)[:, 1]), dtype=np.float64)

@@ -15,7 +15,7 @@ from motiondlo.frames.classical import ClassicalBackend, segment_board
 from motiondlo.frames.colour import Image
 from motiondlo.frames.instances import Dlo, classify_ends, join_segments, make_instance, score_dlo
 from motiondlo.frames.mask_cleaning import adaptive_closing, clean_mask
-from motiondlo.frames.masks import Mask, MaskSet, union
+from motiondlo.frames.masks import Mask, MaskSet, fit_mask, union
 from motiondlo.frames.params import FrameParams
 from motiondlo.frames.segments import Segment, measure_segment
 from motiondlo.frames.skeleton_graph import build_graph, distance_inside, prune_spurs, skeletonise
@@ -102,7 +102,8 @@ def masks_to_chains(masks: MaskSet, board: BoardModel, params: FrameParams, time
     if not mask.any():
         return []
     skeleton = skeletonise(mask)
-    radius = distance_inside(mask)
+    # Measured together with what is next to it: a DLO that enters a gripper gets wide there.
+    radius = distance_inside(mask if masks.obstacles is None else mask | fit_mask(masks.obstacles, mask.shape))
     times.lap("thin")
     graph = prune_spurs(build_graph(skeleton, radius), params.graph.spur_radii)
     chains = traverse(graph, board.image_log, params.graph)

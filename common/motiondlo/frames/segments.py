@@ -17,8 +17,11 @@ from motiondlo.geometry.curve import arc_length, resample
 
 FloatArray = npt.NDArray[np.float64]
 
-_TRIM_W = 0.6
-"""A skeleton's last half width is not on the centreline."""
+_TRIM_W = 2.0
+"""How much of both ends is measured anew: a skeleton leaves the centreline half a width before a tip, and turns towards a
+jaw two widths before a gripper."""
+_MAX_TRIM_SHARE = 0.22
+_RETRACE_W = 0.6
 _SEARCH_WIDE_W = 2.5
 _WIDER = 1.22
 _REACH_W = 4.0
@@ -63,24 +66,24 @@ def measure_segment(scene: Scene, chain: Chain, params: FitParams) -> Segment | 
         if params.refine
         else _unrefined(smooth, width)
     )
-    return follow_both_ends(scene, refined)
+    return follow_both_ends(scene, refined, params)
 
 
-def follow_both_ends(scene: Scene, refined: RefinedCurve) -> Segment:
-    """Extend (or cut back) a refined centreline to where the DLO ends."""
+def follow_both_ends(scene: Scene, refined: RefinedCurve, params: FitParams) -> Segment:
+    """Extend a refined centreline to where the DLO ends.
+
+    First roughly, along the continued curve; then the extension is refined by its edges, and the ends are followed again.
+    """
     palette = learn_palette(scene, refined.centre, refined.width)
     reach = _REACH_W * refined.width
-    ends = (
-        follow_end(scene, refined.centre, 0, palette, reach),
-        follow_end(scene, refined.centre, 1, palette, reach),
-    )
-    centre = np.concatenate([ends[0].extension[::-1], refined.centre, ends[1].extension])
-    # Past the measured part the curve is a continuation: its error grows with the square of the way.
-    grow = [0.5 * refined.width * (np.arange(1, len(e.extension) + 1) / (4.0 * refined.width)) ** 2 for e in ends]
-    sigma = np.concatenate([refined.sigma[0] + grow[0][::-1], refined.sigma, refined.sigma[-1] + grow[1]])
-    for side, end in enumerate(ends):
-        if end.cut_px > 0.0:
-            centre, sigma = _cut(centre, sigma, side, end.cut_px)
+    centre, sigma, ends = _extend(scene, refined.centre, refined.sigma, palette, reach)
+    if params.refine:
+        again = refine_centreline(scene, centre, refined.width, 1, params.smooth_length_w)
+        back = _RETRACE_W * refined.width
+        s = arc_length(again.centre)
+        inner = (s >= back) & (s <= s[-1] - back)
+        if int(inner.sum()) >= 8:
+            centre, sigma, ends = _extend(scene, again.centre[inner], again.sigma[inner], palette, 2.5 * back)
     return Segment(
         centre,
         sigma,
@@ -93,8 +96,24 @@ def follow_both_ends(scene: Scene, refined: RefinedCurve) -> Segment:
     )
 
 
+def _extend(
+    scene: Scene, centre: FloatArray, sigma: FloatArray, palette: Palette, reach_px: float
+) -> tuple[FloatArray, FloatArray, tuple[FollowedEnd, FollowedEnd]]:
+    """Add both followed ends to a curve (or cut them off), with growing sigma."""
+    width = palette.width
+    ends = (follow_end(scene, centre, 0, palette, reach_px), follow_end(scene, centre, 1, palette, reach_px))
+    # Past the measured part the curve is a continuation: its error grows with the square of the way.
+    grow = [0.5 * width * (np.arange(1, len(end.extension) + 1) / (4.0 * width)) ** 2 for end in ends]
+    whole = np.concatenate([ends[0].extension[::-1], centre, ends[1].extension])
+    spread = np.concatenate([sigma[0] + grow[0][::-1], sigma, sigma[-1] + grow[1]])
+    for side, end in enumerate(ends):
+        if end.cut_px > 0.0:
+            whole, spread = _cut(whole, spread, side, end.cut_px)
+    return whole, spread, ends
+
+
 def trim_ends(chain: Chain) -> FloatArray:
-    """Take off the unreliable ends of a chain: the last half width, and where it widens into something else.
+    """Take off the unreliable ends of a chain: the last widths, and where it widens into something else.
 
     The skeleton of a DLO that enters a gripper turns towards a jaw where mask and jaws become one: there the mask is
     wider than the DLO. Returns (K, 2) working px.
@@ -110,8 +129,9 @@ def trim_ends(chain: Chain) -> FloatArray:
         start = float(s[near_start].max()) + 0.5 * width
     if near_stop.any():
         stop = float(s[near_stop].min()) - 0.5 * width
-    start = max(start, _TRIM_W * width)
-    stop = min(stop, float(s[-1]) - _TRIM_W * width)
+    trim = min(_TRIM_W * width, _MAX_TRIM_SHARE * float(s[-1]))
+    start = max(start, trim)
+    stop = min(stop, float(s[-1]) - trim)
     return np.asarray(chain.path[(s >= start) & (s <= stop)], dtype=np.float64)
 
 
