@@ -16,19 +16,21 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(args: Namespace) -> int:
     """Evaluate, print, write."""
-    from motiondlo.cli.output import write_json
+    from motiondlo.cli.output import check_writable, write_json, write_text
     from motiondlo.cli.tables import print_evaluation
     from motiondlo.offline.evaluation import evaluate
     from motiondlo.offline.ground_truth import load_ground_truth
     from motiondlo.offline.tracks import load_tracks
 
+    for path in (args.json, args.html):
+        if path is not None:
+            check_writable(path)
     truth = load_ground_truth(args.recording / "ground_truth.npz")
     tracks = load_tracks(args.tracks)
     evaluation = evaluate(tracks, truth)
     if args.json is not None:
         write_json(args.json, evaluation.as_json())
     if args.html is not None:
-        from motiondlo.cli.output import write_text
         from motiondlo.offline.evaluation_page import evaluation_page
 
         write_text(args.html, evaluation_page(args.recording, tracks, truth, evaluation))

@@ -10,12 +10,12 @@ from motiondlo.events.types import EventArray, SensorGeometry
 Image = npt.NDArray[np.uint8]
 
 _GROUND = (26, 24, 22)
-_ON = (240, 240, 240)
+_ON = (205, 205, 205)
 _OFF = (190, 128, 72)
 
 
 def event_image(events: EventArray, geometry: SensorGeometry) -> Image:
-    """Picture of (N,) events in time order: white where the newest was ON, blue where it was OFF.
+    """Picture of (N,) events in time order: light where the newest was ON, blue where it was OFF.
 
     Neutral on purpose, so that the colours of the DLOs stand out. Returns (H, W, 3) uint8 BGR.
     """
