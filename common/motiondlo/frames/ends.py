@@ -21,7 +21,7 @@ FloatArray = npt.NDArray[np.float64]
 _STEP_PX = 1.0
 _CORE_W = 0.34
 """Half width of the middle that is compared, in widths: edges and their shadows stay out."""
-_PALETTE_ROWS = 80
+_PALETTE_ROWS = 48
 _PERSIST_PX = 8
 """A change that lasts less is a print."""
 _LEAST_CHANGE = 11.0
@@ -208,16 +208,20 @@ def _rows(scene: Scene, places: FloatArray, width: float) -> FloatArray:
 
 
 def _nearest(rows: FloatArray, palette: FloatArray, exclude: bool = False) -> FloatArray:
-    """Root mean square code difference of each row to its nearest palette row (the second nearest with ``exclude``).
+    """Typical code difference of each row to its nearest palette row (the second nearest with ``exclude``).
 
-    A palette row may be dimmed, as by the shadow of a gripper; dimming costs a little, so that it is no free disguise.
+    rows: (R, V*3), palette: (P, V*3). Every column of a palette row may be dimmed, as by the shadow of a gripper, which
+    also takes the highlight away; dimming costs a little, so that it is no free disguise.
     """
-    inner = rows @ palette.T
-    energy = np.maximum((palette**2).sum(axis=1), 1e-9)[None]
+    p, q = rows.reshape(len(rows), -1, 3), palette.reshape(len(palette), -1, 3)
+    inner = np.einsum("rvc,pvc->rpv", p, q)
+    energy = np.maximum((q**2).sum(axis=2), 1e-9)[None]
     factor = np.clip(inner / energy, *_SHADE)
-    squared = (rows**2).sum(axis=1)[:, None] - 2.0 * factor * inner + factor**2 * energy
-    squared += (_SHADE_COST * (1.0 - factor)) ** 2 * energy
-    squared = np.maximum(squared, 0.0) / rows.shape[1]
-    if exclude and squared.shape[1] > 1:
-        return np.asarray(np.sqrt(np.partition(squared, 1, axis=1)[:, 1]), dtype=np.float64)
-    return np.asarray(np.sqrt(squared.min(axis=1)), dtype=np.float64)
+    squared = (p**2).sum(axis=2)[:, None] - 2.0 * factor * inner
+    squared += (factor**2 + (_SHADE_COST * (1.0 - factor)) ** 2) * energy
+    # The median over columns: a jaw may cover a part of the DLO before the DLO ends.
+    middle = q.shape[1] // 2
+    total = np.maximum(np.partition(squared, middle, axis=2)[:, :, middle], 0.0) / 3.0
+    if exclude and total.shape[1] > 1:
+        return np.asarray(np.sqrt(np.partition(total, 1, axis=1)[:, 1]), dtype=np.float64)
+    return np.asarray(np.sqrt(total.min(axis=1)), dtype=np.float64)
