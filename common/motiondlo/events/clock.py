@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from itertools import pairwise
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -165,7 +166,7 @@ def _hull_slope(points: deque[_Lowest]) -> float:
             hull.pop()
         hull.append(p)
     mean_us = sum(p.t_us for p in points) / len(points)
-    for a, b in zip(hull, hull[1:], strict=False):
+    for a, b in pairwise(hull):
         if b.t_us >= mean_us:
             return (b.skew_ns - a.skew_ns) / ((b.t_us - a.t_us) * 1000)
     return 0.0

@@ -23,6 +23,7 @@ from motiondlo.events.damage import (
 )
 from motiondlo.events.time_word_kernels import (
     HIGH_DISPROVED,
+    HIGH_SUSPECT_STILL,
     JITTER_US,
     MODE_NEED_HIGH,
     MODE_START,
@@ -42,10 +43,12 @@ from motiondlo.events.time_word_kernels import (
     S_SUSPECT,
     S_T_US,
     S_WIDTH,
+    S_WORD,
     SUSPECT_NONE,
     TRIGGERS_PENDING_MAX,
     confirm,
     disprove,
+    is_sound,
     time_high,
 )
 
@@ -78,7 +81,7 @@ def _time_high(state: Int64Array, counts: Int64Array, value: int) -> None:
     result = time_high(state, counts, value)
     if result & HIGH_DISPROVED:
         _drop(state, counts)
-    else:
+    elif result != HIGH_SUSPECT_STILL:
         _commit(state)
         if started:
             # all that belongs to the time high before has come
@@ -89,10 +92,11 @@ def _time_high(state: Int64Array, counts: Int64Array, value: int) -> None:
 
 @numba.njit(**_NUMBA)
 def _settle_before_damage(state: Int64Array, counts: Int64Array) -> None:
-    if state[S_SUSPECT] != SUSPECT_NONE:
+    if state[S_SUSPECT] != SUSPECT_NONE and not is_sound(state):
         disprove(state, counts)
         _drop(state, counts)
     else:
+        confirm(state, counts)
         _commit(state)
     if state[S_MODE] != MODE_START:
         state[S_MODE] = MODE_NEED_HIGH
@@ -124,6 +128,7 @@ def _decode(
     t_us = state[S_T_US]
     high_us = (state[S_HIGH] << 6) + state[S_OFFSET_US]
     previous = state[S_PREVIOUS]
+    word_before = state[S_WORD]
     synced = state[S_MODE] == MODE_SYNC
     limit = state[S_N_DONE] + PENDING_MAX
     width = state[S_WIDTH]
@@ -166,6 +171,7 @@ def _decode(
                 counts[C_BEFORE_FIRST_TIME if state[S_MODE] == MODE_START else C_WITHOUT_TIME] += 1
         elif kind == 8:
             state[S_N], state[S_K], state[S_T_US] = n, k, t_us
+            state[S_WORD] = word_before + (pos - start) // word_bytes
             _time_high(state, counts, word & 0xFFFFFFF)
             n, k, t_us = state[S_N], state[S_K], state[S_T_US]
             high_us = (state[S_HIGH] << 6) + state[S_OFFSET_US]
@@ -191,6 +197,7 @@ def _decode(
         pos += word_bytes
     state[S_N], state[S_K], state[S_T_US] = n, k, t_us
     state[S_PREVIOUS] = previous
+    state[S_WORD] = word_before + (pos - start) // word_bytes
     if damaged:
         counts[damaged - 1] += 1
         _settle_before_damage(state, counts)

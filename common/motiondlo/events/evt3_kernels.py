@@ -28,6 +28,7 @@ from motiondlo.events.damage import (
 from motiondlo.events.time_word_kernels import (
     HIGH_DISPROVED,
     HIGH_REPEATED,
+    HIGH_SUSPECT_STILL,
     JITTER_US,
     MODE_NEED_ANY,
     MODE_NEED_HIGH,
@@ -59,10 +60,12 @@ from motiondlo.events.time_word_kernels import (
     S_SUSPECT,
     S_T_US,
     S_WIDTH,
+    S_WORD,
     SUSPECT_NONE,
     TRIGGERS_PENDING_MAX,
     confirm,
     disprove,
+    is_sound,
     time_high,
 )
 
@@ -113,11 +116,12 @@ def _lose_place(state: Int64Array, mode: int) -> None:
 @numba.njit(**_NUMBA)
 def settle_before_damage(state: Int64Array, counts: Int64Array) -> None:
     """Keep or drop the group that was being decoded when damage showed: keep it if its time is in line."""
-    if state[S_SUSPECT] != SUSPECT_NONE:
+    if state[S_SUSPECT] != SUSPECT_NONE and not is_sound(state):
         disprove(state, counts)
         _drop(state, counts)
         _set_time(state)
     elif state[S_MODE] == MODE_SYNC:
+        confirm(state, counts)
         if _step_is_usual(state, state[S_STEP_US]):
             _commit(state)
         else:
@@ -189,7 +193,7 @@ def _time_high(state: Int64Array, counts: Int64Array, value: int) -> None:
         _drop(state, counts)
         state[S_MODE] = MODE_NEED_LOW
         result -= HIGH_DISPROVED
-    else:
+    elif result != HIGH_SUSPECT_STILL:
         # before a suspect begins this confirms what belongs to the clock as it was
         _commit(state)
         if mode == MODE_START:
@@ -219,6 +223,7 @@ def decode_evt3(
     base_x = state[S_BASE_X]
     base_p = state[S_BASE_P]
     previous = state[S_PREVIOUS]
+    word_before = state[S_WORD]
     n_done = state[S_N_DONE]
     k_done = state[S_K_DONE]
     floor_us = state[S_FLOOR_US]
@@ -304,6 +309,7 @@ def decode_evt3(
             state[S_N], state[S_K], state[S_N_DONE], state[S_K_DONE] = n, k, n_done, k_done
             state[S_ROW], state[S_BASE_X], state[S_T_US], state[S_FLOOR_US] = row, base_x, t_us, floor_us
             state[S_LOW], state[S_LOW_DONE], state[S_STEP_US], state[S_MEAN_STEP_16] = low, low_done, step_us, mean_step
+            state[S_WORD] = word_before + (pos - start) // 2
             if kind == 6:
                 _time_low(state, counts, word & 0xFFF)
             else:
@@ -347,6 +353,7 @@ def decode_evt3(
     state[S_LOW], state[S_LOW_DONE], state[S_STEP_US], state[S_MEAN_STEP_16] = low, low_done, step_us, mean_step
     state[S_BASE_P] = base_p
     state[S_PREVIOUS] = previous
+    state[S_WORD] = word_before + (pos - start) // 2
     if damaged:
         word = np.int64(data[pos]) | (np.int64(data[pos + 1]) << 8)
         counts[C_REPEATED_WORD if word == previous else C_RESERVED_WORD] += 1

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
+from motiondlo.events.joining import event_words
 from motiondlo.events.surface_kernels import find_hot, screen_and_write, write_surface
 from motiondlo.events.types import EVENT_DTYPE, EventArray, SensorGeometry
 
@@ -62,7 +63,7 @@ class TimeSurface:
         """
         if not len(events):
             return events
-        packed = _packed(events)
+        packed = event_words(events)
         if not (self.params.noise_filter or self.params.hot_pixel_mask):
             self.outside += write_surface(packed, self.last_us)
             return events
@@ -103,8 +104,3 @@ class TimeSurface:
         self.hot[self._score == 0] = 0
         risen = np.flatnonzero((self._score >= self.params.hot_patience) & (self.hot == 0))
         self.hot.reshape(-1)[risen[: max(self.params.hot_limit - self.hot_pixels, 0)]] = 1
-
-
-def _packed(events: EventArray) -> npt.NDArray[np.int64]:
-    """(N,) EVENT_DTYPE seen as (N, 2) int64 words, without a copy unless the array is strided."""
-    return np.ascontiguousarray(events).view(np.int64).reshape(-1, 2)

@@ -2,7 +2,8 @@
 
 Both EVT2 and EVT3 send the upper part of the time ("time high") in words of its own. A time high that repeats the last
 one or follows it closely is believed at once. Any other may be damage, a gap, or a clock that stepped back: it becomes
-a suspect, and what is decoded under it is held back until the next time high decides which of the two it continues.
+a suspect, and what is decoded under it is held back until a later time high continues one of the two, or until enough
+sound words have followed: damage does not stay sound for long.
 
 Decoder state: (S_COUNT,) int64, indices below. Times are ``(high << low_bits | low) + offset``, ``high`` unrolled.
 """
@@ -44,18 +45,22 @@ S_HIGH_MOD = 25
 S_NEAR = 26  # time highs ahead by this much at most are believed at once
 S_WIDTH = 27
 S_HEIGHT = 28
-S_COUNT = 29
+S_WORD = 29  # words decoded so far
+S_SUSPECT_WORD = 30  # where the suspect appeared
+S_COUNT = 31
 
 MODE_START, MODE_SYNC, MODE_NEED_LOW, MODE_NEED_ANY, MODE_NEED_HIGH = 0, 1, 2, 3, 4
 ROW_UNKNOWN, ROW_OUTSIDE = -1, -2
 SUSPECT_NONE, SUSPECT_AHEAD, SUSPECT_BACK = 0, 1, 2
 
-HIGH_REPEATED, HIGH_ADVANCED, HIGH_SUSPECT = 0, 1, 2
+HIGH_REPEATED, HIGH_ADVANCED, HIGH_SUSPECT, HIGH_SUSPECT_STILL = 0, 1, 2, 3
 HIGH_DISPROVED = 8
 
 PENDING_MAX = 1 << 18
 """Events held back at most while a time is in doubt; then it is believed."""
 TRIGGERS_PENDING_MAX = 1 << 12
+SOUND_WORDS = 32
+"""Sound words after which a suspect is believed if no time high speaks clearly for it or against it."""
 JITTER_US = 64
 """Sensors order their time words to within this (a 1 kHz marker of the IMX636 family is up to 15 us early)."""
 
@@ -85,6 +90,18 @@ def disprove(state: Int64Array, counts: Int64Array) -> None:
 
 
 @numba.njit(**_NUMBA)
+def is_sound(state: Int64Array) -> bool:
+    """Whether enough sound words have followed the suspect."""
+    return bool(state[S_WORD] - state[S_SUSPECT_WORD] >= SOUND_WORDS)
+
+
+@numba.njit(**_NUMBA)
+def _forward(step: int, mod: int) -> int:
+    """A fall by half the range or more is a wrap."""
+    return step + mod if step < 0 and -step >= mod // 2 else step
+
+
+@numba.njit(**_NUMBA)
 def time_high(state: Int64Array, counts: Int64Array, value: int) -> int:
     """Take a time-high word; returns HIGH_*, plus HIGH_DISPROVED if what was held back must be dropped.
 
@@ -99,19 +116,29 @@ def time_high(state: Int64Array, counts: Int64Array, value: int) -> int:
     current = state[S_HIGH] % mod
     if state[S_SUSPECT] != SUSPECT_NONE:
         before = state[S_HIGH_BEFORE] % mod
-        if (value - current) % mod <= (value - before) % mod:
+        from_suspect = (value - current) % mod
+        from_before = (value - before) % mod
+        sound = is_sound(state)
+        if min(from_suspect, from_before) > state[S_NEAR]:
+            step = _forward(value - current, mod)
+            if step > 0 and not sound:
+                state[S_WRAPPED] += step > value - current
+                state[S_HIGH] += step
+                state[S_LOW] = 0
+                return HIGH_SUSPECT_STILL
+            believe = sound
+        else:
+            believe = from_suspect <= from_before
+        if believe:
             confirm(state, counts)
         else:
             disprove(state, counts)
             flags = HIGH_DISPROVED
             current = before
-    step = value - current
+    step = _forward(value - current, mod)
     if step == 0:
         return HIGH_REPEATED | flags
-    wrapped = 0
-    if step < 0 and -step >= mod // 2:
-        step += mod
-        wrapped = 1
+    wrapped = 1 if step > value - current else 0
     if 0 < step <= state[S_NEAR]:
         state[S_HIGH] += step
         state[S_LOW] = 0
@@ -123,6 +150,7 @@ def time_high(state: Int64Array, counts: Int64Array, value: int) -> int:
     state[S_LOW_BEFORE] = state[S_LOW]
     state[S_OFFSET_BEFORE_US] = state[S_OFFSET_US]
     state[S_WRAPPED] = wrapped
+    state[S_SUSPECT_WORD] = state[S_WORD]
     now_us = (state[S_HIGH] << state[S_LOW_BITS]) + state[S_LOW] + state[S_OFFSET_US]
     state[S_HIGH] += step
     state[S_LOW] = 0

@@ -8,6 +8,7 @@ from types import TracebackType
 import numpy as np
 
 from motiondlo.errors import RecordingError
+from motiondlo.events.joining import event_words, trigger_words
 from motiondlo.events.reader import open_events
 from motiondlo.events.types import EventArray, SensorGeometry, TriggerArray, empty_triggers
 from motiondlo.events.writer_kernels import W_COUNT, WORDS_PER_ITEM, encode_evt3
@@ -49,8 +50,8 @@ class Evt3Encoder:
             events["x"].max() >= self.geometry.width_px or events["y"].max() >= self.geometry.height_px
         ):
             raise ValueError("an event lies outside the sensor")
-        packed = np.ascontiguousarray(events).view(np.int64).reshape(-1, 2)
-        packed_triggers = np.ascontiguousarray(triggers).view(np.int64).reshape(-1, 2)
+        packed = event_words(events)
+        packed_triggers = trigger_words(triggers)
         first_us = min((int(part["t"][0]) for part in (events, triggers) if len(part)), default=last_us)
         highs = (last_us >> 12) - (self._t_us >> 12 if self._state[0] >= 0 else first_us >> 12) + 1
         words = np.empty(WORDS_PER_ITEM * (len(packed) + len(packed_triggers)) + highs, "<u2")
