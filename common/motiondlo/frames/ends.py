@@ -79,8 +79,8 @@ def learn_palette(scene: Scene, centre: FloatArray, width: float) -> Palette:
 def follow_end(scene: Scene, centre: FloatArray, side: int, palette: Palette, reach_px: float) -> FollowedEnd:
     """Follow a curve past its first (side 0) or last (side 1) point.
 
-    centre: (K, 2) image px. reach_px: how far at most. In steps of about half a width: the curve is continued, moved to the
-    middle between both edges, and compared with the palette, until the look changes for good.
+    centre: (K, 2) image px. reach_px: how far at most. In steps of about half a width: the curve is continued, moved
+    to the middle between both edges, and compared with the palette, until the look changes for good.
     """
     width = palette.width
     curve = centre if side == 1 else centre[::-1]

@@ -80,8 +80,7 @@ def join_segments(
                     end_tangent(segment.centre, side, segment.width),
                     segment.width,
                     np.log(segment.palette.colour + 8.0),
-                    hidden=kind in (EndKind.HELD, EndKind.HIDDEN),
-                    joinable=kind != EndKind.BORDER,
+                    kind,
                 )
             )
     connections = connect(ends, params.merge.max_gap * scene.size[0], params.merge)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from motiondlo.frames.params import MergeParams
+from motiondlo.frames.types import EndKind
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -26,10 +27,8 @@ class SegmentEnd:
     width: float
     colour: FloatArray
     """(3,) log colour near the end."""
-    hidden: bool
-    """Whether something that could hide the DLO begins here (another DLO, an obstacle, an edge across it)."""
-    joinable: bool = True
-    """False for ends known not to go on: at the image border or in a gripper."""
+    kind: EndKind = EndKind.UNKNOWN
+    """Ends at the image border are never joined; HELD and HIDDEN ends may go on beyond what covers them."""
 
 
 @dataclass(frozen=True)
@@ -50,10 +49,11 @@ def connection_score(a: SegmentEnd, b: SegmentEnd, max_gap_px: float) -> float:
 def is_candidate(a: SegmentEnd, b: SegmentEnd, max_gap_px: float, params: MergeParams) -> bool:
     """Whether two ends may be joined: d_max and the tangent criterion (paper), width, colour, and a reason for the gap.
 
-    The gap must lie ahead of both ends. Past a small gap, both ends must be hidden by something: two cables that lie in
-    line with the board between them stay two.
+    The gap must lie ahead of both ends. Past a small gap something must hide the DLO: two cables that lie in line with
+    the board between them stay two. If that is seen at one end only (a plate may look like the board), the ends must
+    be alike.
     """
-    if not (a.joinable and b.joinable):
+    if EndKind.BORDER in (a.kind, b.kind):
         return False
     chord = b.point - a.point
     gap = float(np.hypot(*chord))
@@ -64,11 +64,16 @@ def is_candidate(a: SegmentEnd, b: SegmentEnd, max_gap_px: float, params: MergeP
     # Skeletons may overlap by a little; the chord of ends that nearly touch has no direction.
     if gap > 0.7 * width and ahead < params.min_chord_alignment:
         return False
-    if max(a.width, b.width) > params.max_width_ratio * min(a.width, b.width):
+    width_ratio = max(a.width, b.width) / max(min(a.width, b.width), 1e-9)
+    colour_jump = float(np.abs(a.colour - b.colour).mean())
+    if width_ratio > params.max_width_ratio or colour_jump > params.max_colour_jump:
         return False
-    if float(np.abs(a.colour - b.colour).mean()) > params.max_colour_jump:
-        return False
-    return gap <= params.open_gap_w * width or (a.hidden and b.hidden)
+    covered = [kind in (EndKind.HELD, EndKind.HIDDEN) for kind in (a.kind, b.kind)]
+    if gap <= params.open_gap_w * width or all(covered):
+        return True
+    alike = width_ratio <= params.alike_width_ratio and colour_jump <= params.alike_colour_jump
+    straight = min(ahead, -float(a.outward @ b.outward)) >= params.alike_alignment
+    return EndKind.HIDDEN in (a.kind, b.kind) and alike and straight
 
 
 def connect(ends: list[SegmentEnd], max_gap_px: float, params: MergeParams) -> list[Connection]:

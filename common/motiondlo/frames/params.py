@@ -94,6 +94,11 @@ class MergeParams(_Params):
     )
     max_width_ratio: float = Field(default=1.3, ge=1.0, le=10.0, description="widths of joined segments")
     max_colour_jump: float = Field(default=0.5, ge=0.0, le=10.0, description="log colour of joined segments")
+    alike_width_ratio: float = Field(
+        default=1.12, ge=1.0, le=10.0, description="the same where only one end is seen to be hidden"
+    )
+    alike_colour_jump: float = Field(default=0.25, ge=0.0, le=10.0, description="the same, log colour")
+    alike_alignment: float = Field(default=0.9, ge=-1.0, le=1.0, description="the same, both alignments")
     bezier_alpha: float = Field(default=0.4, gt=0.0, le=1.0, description="reach of the Bezier control points")
 
 
@@ -115,6 +120,10 @@ class InstanceParams(_Params):
     min_length: float = Field(default=0.08, gt=0.0, le=1.0, description="shortest DLO, share of the image's width")
     min_length_w: float = Field(default=4.5, gt=0.0, le=100.0, description="shortest DLO, its own widths")
     max_width_spread: float = Field(default=0.25, gt=0.0, le=2.0, description="robust spread of the width over width")
+    min_mask_share: float = Field(
+        default=0.6, ge=0.0, le=1.0, description="share of a measured piece that the cleaned mask must cover"
+    )
+    max_turn_rad: float = Field(default=2.0, gt=0.1, le=6.3, description="sharpest turn within two widths")
     min_score: float = Field(default=0.3, ge=0.0, le=1.0, description="instances below are dropped")
     max_instances: int = Field(default=16, ge=1, le=200, description="the best so many are kept")
 

@@ -17,7 +17,7 @@ from motiondlo.frames.instances import Dlo, classify_ends, join_segments, make_i
 from motiondlo.frames.mask_cleaning import adaptive_closing, clean_mask
 from motiondlo.frames.masks import Mask, MaskSet, fit_mask, union
 from motiondlo.frames.params import FrameParams
-from motiondlo.frames.segments import Segment, measure_segment
+from motiondlo.frames.segments import Segment, is_plausible, measure_segment
 from motiondlo.frames.skeleton_graph import build_graph, distance_inside, prune_spurs, skeletonise
 from motiondlo.frames.strip import Scene
 from motiondlo.frames.traversal import Chain, traverse
@@ -84,8 +84,10 @@ def segment_frame(
     )
     times.lap("segment")
     scene = Scene(image_bgr, background, board)
-    chains = masks_to_chains(masks, board, params, times)
-    dlos = measure_dlos(scene, chains, params, times)
+    mask = refined_mask(masks, board, params)
+    times.lap("clean")
+    chains = mask_to_chains(mask, masks.obstacles, board, params, times)
+    dlos = measure_dlos(scene, chains, mask, params, times)
     sharp = [(score, dlo) for score, dlo in dlos if dlo.edge_blur <= params.check.max_blur_px * board.scale / 2.0]
     instances = tuple(make_instance(scene, dlo, event_from_rgb, score, params) for score, dlo in sharp)
     times.lap("fit")
@@ -94,16 +96,21 @@ def segment_frame(
     return Segmentation(t_us, frame_name, instances, backend=backend.name, elapsed_ms=times.total_ms)
 
 
-def masks_to_chains(masks: MaskSet, board: BoardModel, params: FrameParams, times: StageTimes) -> list[Chain]:
-    """Union, cleaning, thinning, graph, crossings: ordered skeleton centrelines, working px."""
-    mask: Mask = union(masks.masks, board.distance.shape)
-    mask = adaptive_closing(clean_mask(mask, params.cleaning), params.cleaning)
-    times.lap("clean")
+def refined_mask(masks: MaskSet, board: BoardModel, params: FrameParams) -> Mask:
+    """M_t of the paper at working size: union of the candidates, cleaned, closed once more before thinning."""
+    mask = union(masks.masks, board.distance.shape)
+    return adaptive_closing(clean_mask(mask, params.cleaning), params.cleaning)
+
+
+def mask_to_chains(
+    mask: Mask, obstacles: Mask | None, board: BoardModel, params: FrameParams, times: StageTimes
+) -> list[Chain]:
+    """Thinning, graph, crossings: ordered skeleton centrelines, working px."""
     if not mask.any():
         return []
     skeleton = skeletonise(mask)
     # Measured together with what is next to it: a DLO that enters a gripper gets wide there.
-    radius = distance_inside(mask if masks.obstacles is None else mask | fit_mask(masks.obstacles, mask.shape))
+    radius = distance_inside(mask if obstacles is None else mask | fit_mask(obstacles, mask.shape))
     times.lap("thin")
     graph = prune_spurs(build_graph(skeleton, radius), params.graph.spur_radii)
     chains = traverse(graph, board.image_log, params.graph)
@@ -111,17 +118,19 @@ def masks_to_chains(masks: MaskSet, board: BoardModel, params: FrameParams, time
     return chains
 
 
-def measure_dlos(scene: Scene, chains: list[Chain], params: FrameParams, times: StageTimes) -> list[tuple[float, Dlo]]:
+def measure_dlos(
+    scene: Scene, chains: list[Chain], mask: Mask, params: FrameParams, times: StageTimes
+) -> list[tuple[float, Dlo]]:
     """Measure chains, join them over gaps, and keep what looks like a DLO, best first."""
     width_px = scene.size[0]
     least, most = params.foreground.min_width * width_px, params.foreground.max_width * width_px
     segments: list[Segment] = []
     for chain in chains:
         width = chain.width * scene.board.scale
-        if not least <= width <= most or chain.length < 1.8 * chain.width:
+        if not least <= width <= most or chain.length < 2.5 * chain.width:
             continue
         segment = measure_segment(scene, chain, params.fit)
-        if segment is not None and segment.width_spread <= params.instance.max_width_spread * segment.width:
+        if segment is not None and is_plausible(segment, mask, scene.board.scale, params.instance):
             segments.append(segment)
     times.lap("refine")
     kinds = classify_ends(scene, segments)

@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from motiondlo.frames.edges import RefinedCurve, refine_centreline
 from motiondlo.frames.ends import FollowedEnd, Palette, follow_end, learn_palette
-from motiondlo.frames.params import FitParams
+from motiondlo.frames.masks import Mask
+from motiondlo.frames.params import FitParams, InstanceParams
 from motiondlo.frames.polyline_fit import smooth_path
 from motiondlo.frames.strip import Scene
 from motiondlo.frames.traversal import Chain
@@ -72,7 +73,8 @@ def measure_segment(scene: Scene, chain: Chain, params: FitParams) -> Segment | 
 def follow_both_ends(scene: Scene, refined: RefinedCurve, params: FitParams) -> Segment:
     """Extend a refined centreline to where the DLO ends.
 
-    First roughly, along the continued curve; then the extension is refined by its edges, and the ends are followed again.
+    First roughly, along the continued curve; then the extension is refined by its edges, and the ends are followed
+    again.
     """
     palette = learn_palette(scene, refined.centre, refined.width)
     reach = _REACH_W * refined.width
@@ -110,6 +112,30 @@ def _extend(
         if end.cut_px > 0.0:
             whole, spread = _cut(whole, spread, side, end.cut_px)
     return whole, spread, ends
+
+
+def is_plausible(segment: Segment, mask: Mask, scale: float, params: InstanceParams) -> bool:
+    """Whether a measured piece can be one of a DLO: steady width, no fold, and where the mask was in the first place."""
+    if segment.width_spread > params.max_width_spread * segment.width:
+        return False
+    if sharpest_turn(segment.centre, 2.0 * segment.width) > params.max_turn_rad:
+        return False
+    at = np.round((segment.centre + 0.5) / scale - 0.5).astype(np.int64)
+    rows = np.clip(at[:, 1], 0, mask.shape[0] - 1)
+    columns = np.clip(at[:, 0], 0, mask.shape[1] - 1)
+    return float(mask[rows, columns].mean()) >= params.min_mask_share
+
+
+def sharpest_turn(centre: FloatArray, span_px: float) -> float:
+    """Largest change of direction within ``span_px`` along a curve, rad. A DLO bends over its own width at the least."""
+    length = float(arc_length(centre)[-1])
+    step = span_px / 6.0
+    if length < span_px + 2.0 * step:
+        return 0.0
+    points = resample(centre, max(int(length / step), 9) + 1)
+    d = np.diff(points, axis=0)
+    heading = np.unwrap(np.arctan2(d[:, 1], d[:, 0]))
+    return float(np.abs(heading[6:] - heading[:-6]).max())
 
 
 def trim_ends(chain: Chain) -> FloatArray:
