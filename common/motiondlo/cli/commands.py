@@ -41,6 +41,7 @@ class Command:
 COMMANDS = (
     Command("track", "motiondlo.cli.track", "follow the DLOs through a recording, write tracks.npz"),
     Command("eval", "motiondlo.cli.eval", "errors of tracks against a recording's ground truth"),
+    Command("bench", "motiondlo.cli.bench", "time per update and per stage on this machine"),
 )
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -78,3 +81,24 @@ def make_truth() -> Callable[..., GroundTruth]:
 def as_tracks() -> Callable[..., Tracks]:
     """:func:`tracks_from_truth`."""
     return tracks_from_truth
+
+
+@pytest.fixture
+def excerpt(shared_data: Path, tmp_path: Path) -> Callable[..., Path]:
+    """Makes the beginning of a recording as a recording of its own."""
+
+    def make(name: str = "single_dlo3_speed50", event_bytes: int = 600_000, frames: int = 3) -> Path:
+        """The beginning of a recording: some bytes of its events, and its first frames."""
+        source, target = shared_data / name, tmp_path / f"{name}_{event_bytes}_{frames}"
+        (target / "frames").mkdir(parents=True)
+        shutil.copytree(source / "homography", target / "homography")
+        for file in ("camera_info.json", "background.jpg"):
+            shutil.copy(source / file, target / file)
+        (target / "events.raw").write_bytes((source / "events.raw").read_bytes()[:event_bytes])
+        manifest = dict(list(json.loads((source / "manifest.json").read_text()).items())[:frames])
+        (target / "manifest.json").write_text(json.dumps(manifest))
+        for frame in manifest:
+            shutil.copy(source / "frames" / frame, target / "frames" / frame)
+        return target
+
+    return make

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 import shutil
 
 import numpy as np
@@ -14,24 +13,9 @@ from motiondlo.recording.layout import open_recording
 FRAME_MODE = TrackOptions(mode=TrackMode.FRAME, segmenter_latency_ms=20.0, update_us=5000)
 
 
-def _excerpt(shared_data, tmp_path, name="single_dlo3_speed50", event_bytes=600_000, frames=3):
-    """The beginning of a recording: some bytes of its events, and its first frames."""
-    source, target = shared_data / name, tmp_path / f"{name}_{event_bytes}_{frames}"
-    (target / "frames").mkdir(parents=True)
-    shutil.copytree(source / "homography", target / "homography")
-    for file in ("camera_info.json", "background.jpg"):
-        shutil.copy(source / file, target / file)
-    (target / "events.raw").write_bytes((source / "events.raw").read_bytes()[:event_bytes])
-    manifest = dict(list(json.loads((source / "manifest.json").read_text()).items())[:frames])
-    (target / "manifest.json").write_text(json.dumps(manifest))
-    for frame in manifest:
-        shutil.copy(source / "frames" / frame, target / "frames" / frame)
-    return target
-
-
 @pytest.mark.shared_data
-def test_same_recording_gives_the_same_tracks_and_progress_ends_at_one(shared_data, tmp_path):
-    recording = open_recording(_excerpt(shared_data, tmp_path))
+def test_same_recording_gives_the_same_tracks_and_progress_ends_at_one(excerpt):
+    recording = open_recording(excerpt())
     shares: list[float] = []
     first, second = track_recording(recording, FRAME_MODE, shares.append), track_recording(recording, FRAME_MODE)
     assert len(first) > 10
@@ -42,9 +26,9 @@ def test_same_recording_gives_the_same_tracks_and_progress_ends_at_one(shared_da
 
 
 @pytest.mark.shared_data
-def test_rows_do_not_depend_on_what_comes_later(shared_data, tmp_path):
-    whole = track_recording(open_recording(_excerpt(shared_data, tmp_path, frames=3)), FRAME_MODE)
-    part = track_recording(open_recording(_excerpt(shared_data, tmp_path, event_bytes=300_000, frames=2)), FRAME_MODE)
+def test_rows_do_not_depend_on_what_comes_later(excerpt):
+    whole = track_recording(open_recording(excerpt(frames=3)), FRAME_MODE)
+    part = track_recording(open_recording(excerpt(event_bytes=300_000, frames=2)), FRAME_MODE)
     n = int((part.times_us < 100_000).sum())
     assert n > 10
     np.testing.assert_array_equal(whole.times_us[:n], part.times_us[:n])
@@ -52,8 +36,8 @@ def test_rows_do_not_depend_on_what_comes_later(shared_data, tmp_path):
 
 
 @pytest.mark.shared_data
-def test_homography_is_needed_for_frames_and_not_for_events(shared_data, tmp_path):
-    folder = _excerpt(shared_data, tmp_path)
+def test_homography_is_needed_for_frames_and_not_for_events(excerpt):
+    folder = excerpt()
     np.save(folder / "homography" / "rgb_to_event_H.npy", np.zeros((3, 3)))
     with pytest.raises(CalibrationError, match="singular"):
         prepare(open_recording(folder), TrackOptions())
@@ -64,15 +48,15 @@ def test_homography_is_needed_for_frames_and_not_for_events(shared_data, tmp_pat
 
 
 @pytest.mark.shared_data
-def test_recording_without_frames_says_which_mode_needs_none(shared_data, tmp_path):
-    folder = _excerpt(shared_data, tmp_path, frames=0)
+def test_recording_without_frames_says_which_mode_needs_none(excerpt):
+    folder = excerpt(frames=0)
     with pytest.raises(RecordingError, match="--mode event"):
         prepare(open_recording(folder), TrackOptions())
 
 
 @pytest.mark.shared_data
-def test_unreadable_first_frame_is_a_failed_segmentation(shared_data, tmp_path):
-    folder = _excerpt(shared_data, tmp_path)
+def test_unreadable_first_frame_is_a_failed_segmentation(excerpt):
+    folder = excerpt()
     (folder / "frames" / "frame_000001.jpg").write_bytes(b"\xff\xd8 cut short")
     run = prepare(open_recording(folder), FRAME_MODE)
     states = list(run.states())

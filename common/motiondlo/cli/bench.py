@@ -1,0 +1,75 @@
+"""Time per update and per stage on this machine: decoding, tracker and fusion, as a cell runs them for each batch."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from motiondlo.cli.track_arguments import PROFILES, add_loop_arguments, options_of
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Arguments of ``motiondlo bench``."""
+    parser.add_argument("recording", type=Path, metavar="RECORDING", help="folder with events.raw")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here")
+    parser.add_argument(
+        "--profile", choices=PROFILES, action="append", help="only this one (may be repeated; default: all of them)"
+    )
+    add_loop_arguments(parser)
+
+
+def run(args: Namespace) -> int:
+    """Time each profile, print, write."""
+    from motiondlo.cli.output import check_writable, write_json
+    from motiondlo.cli.progress import progress_bar
+    from motiondlo.cli.tables import console
+    from motiondlo.offline.bench import measure
+    from motiondlo.offline.machine import machine_facts
+    from motiondlo.recording.layout import open_recording
+
+    if args.json is not None:
+        check_writable(args.json)
+    recording = open_recording(args.recording)
+    facts = machine_facts()
+    results: dict[str, dict[str, Any]] = {}
+    for profile in args.profile or PROFILES:
+        with progress_bar(f"timing {profile}", args.quiet) as progress:
+            results[profile] = measure(recording, options_of(args, profile), progress).as_json()
+    if args.json is not None:
+        write_json(args.json, {"machine": facts, "profiles": results})
+    if not args.quiet:
+        console().print(_table(recording.name, results))
+        console().print(
+            f"{facts['cpu']}, {facts['cores']} cores, load {facts['load_1min']}", highlight=False, soft_wrap=True
+        )
+    return 0
+
+
+def _table(name: str, results: dict[str, dict[str, Any]]) -> Table:
+    from motiondlo.cli.tables import compact_table, figure
+
+    table = compact_table(f"{name}: ms per update", "stages of no use in an update count as 0")
+    table.add_column("")
+    for profile in results:
+        for heading in (f"{profile} p50", "p99", "max"):
+            table.add_column(heading, justify="right", no_wrap=True)
+    stages = dict.fromkeys(stage for result in results.values() for stage in result["stages_ms"])
+    rows = [("update", "update_ms"), ("update, moving", "update_moving_ms")]
+    for label, key in rows:
+        cells = [figure(result[key][p], 3) for result in results.values() for p in ("p50", "p99", "max")]
+        table.add_row(label, *cells, style="bold")
+    for stage in stages:
+        cells = []
+        for result in results.values():
+            times = result["stages_ms"].get(stage, {"p50": None, "p99": None})
+            cells += [figure(times["p50"], 3), figure(times["p99"], 3), ""]
+        table.add_row(f"  {stage}", *cells)
+    table.add_row(
+        "events/s",
+        *(cell for result in results.values() for cell in (f"{result['events_per_s'] / 1e6:.1f} M", "", "")),
+    )
+    return table
