@@ -62,7 +62,7 @@ def model_board(image_bgr: Image, background: Image | None, params: ForegroundPa
         board_log = board_log + gain_log
     else:
         gain_log = np.zeros((1, 1, 3), np.float32)
-        board_log = log_colour(_wide_median(small, params.plate_window))
+        board_log = log_colour(board_without_plate(small, params))
     distance = board_distance(
         image_log - board_log, float(np.log(params.shadow_darkest)), float(np.log(params.brightest))
     )
@@ -97,9 +97,40 @@ def smooth_gain(ratio: Float32Array, limit: float) -> Float32Array:
     return np.asarray(full[..., None] + whole, dtype=np.float32)
 
 
-def _wide_median(small: Image, window_share: float) -> Image:
+def board_without_plate(small: Image, params: ForegroundParams) -> Image:
+    """The board as a wide local median of the frame itself, for cells without a plate.
+
+    small: (h, w, 3) uint8. Where many DLOs lie close together they are the majority, so a second pass takes the median
+    with everything that differed from the first one filled in from its surroundings. Returns (h, w, 3) uint8.
+    """
     height, width = small.shape[:2]
-    half = cv2.resize(small, (max(1, width // 2), max(1, height // 2)), interpolation=cv2.INTER_AREA)
-    window = max(3, int(window_share * half.shape[1])) | 1
-    median = cv2.medianBlur(half, window)
+    half = np.asarray(
+        cv2.resize(small, (max(1, width // 2), max(1, height // 2)), interpolation=cv2.INTER_AREA), dtype=np.uint8
+    )
+    window = max(3, int(params.plate_window * half.shape[1])) | 1
+    first = np.asarray(cv2.medianBlur(half, window), dtype=np.uint8)
+    distance = board_distance(
+        log_colour(half) - log_colour(first), float(np.log(params.shadow_darkest)), float(np.log(params.brightest))
+    )
+    # The margin takes soft edges and shadows along.
+    covered = cv2.dilate(np.asarray(distance > 0.5 * params.threshold, dtype=np.uint8), np.ones((5, 5), np.uint8))
+    filled = np.where(covered[..., None] > 0, _fill(half, covered, 0.5 * window), half).astype(np.uint8)
+    median = cv2.medianBlur(filled, window)
     return np.asarray(cv2.resize(median, (width, height), interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
+
+
+def _fill(image: Image, covered: Image, sigma_px: float) -> Float32Array:
+    """Weighted mean of what is not covered around each pixel, from near by where there is some, else from farther."""
+    weight = (1 - covered).astype(np.float32)
+    values = image.astype(np.float32) * weight[..., None]
+    total = np.zeros_like(values)
+    share = np.zeros_like(weight)
+    for factor, importance in ((1.0, 1.0), (4.0, 0.02)):
+        # Wide Gaussians are cheap on a small image.
+        step = max(1, int(sigma_px * factor / 4.0))
+        size = (max(1, image.shape[1] // step), max(1, image.shape[0] // step))
+        kernel_sigma = sigma_px * factor / step
+        for source, target in ((values, total), (weight, share)):
+            coarse = cv2.GaussianBlur(cv2.resize(source, size, interpolation=cv2.INTER_AREA), (0, 0), kernel_sigma)
+            target += importance * cv2.resize(coarse, image.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+    return np.asarray(total / np.maximum(share, 1e-6)[..., None], dtype=np.float32)

@@ -96,7 +96,7 @@ def follow_end(scene: Scene, centre: FloatArray, side: int, palette: Palette, re
     while len(places) - lead - 1 < reach_px and not leaves:
         ahead = continue_curve(tail, width, step + _PERSIST_PX)
         ahead = _recentre(scene, tail, ahead, width)
-        inside = ((ahead >= 0.0) & (ahead <= size)).all(axis=1)
+        inside = np.asarray(((ahead >= 0.0) & (ahead <= size)).all(axis=1), dtype=np.bool_)
         leaves = not bool(inside[:step].all())
         if not inside.all():
             ahead = ahead[: int(np.argmin(inside))]
