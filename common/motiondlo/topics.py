@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Final
+from typing import Any, Final, Generic, TypeVar
 
 from motiondlo.errors import MotionDLOError
 from motiondlo.messages.command import VERBS, CommandRequest
@@ -16,6 +16,8 @@ from motiondlo.messages.health import HealthMessage
 from motiondlo.messages.segmentation import SegmentationMessage
 from motiondlo.messages.state import StateMessage
 from motiondlo.messages.track import TrackMessage
+
+M = TypeVar("M", bound=Message)
 
 ROOT: Final = "motiondlo"
 KIB: Final = 1 << 10
@@ -47,13 +49,13 @@ class Delivery(StrEnum):
 
 
 @dataclass(frozen=True)
-class Topic:
-    """One row."""
+class Topic(Generic[M]):
+    """One row; ``M`` is the type of its messages."""
 
     name: str
     suffix: str
     """Key expression below ``motiondlo/<cell>/``; ``{name}`` stands for a daemon or a verb."""
-    message: type[Message] | None
+    message: type[M] | None
     rate_hz: float
     """Nominal; 0: now and then."""
     deadline_ms: float
@@ -84,184 +86,194 @@ class Topic:
         return f"{ROOT}/{cell}/{self.suffix.format(name=name)}"
 
 
-TOPICS: Final[tuple[Topic, ...]] = (
-    Topic(
-        name="events/batch",
-        suffix="events/batch",
-        message=EventBatchMessage,
-        rate_hz=1000,
-        deadline_ms=50,
-        priority=Priority.REAL_TIME,
-        delivery=Delivery.NEWEST,
-        queue=32,
-        shared_memory=True,
-        max_payload_bytes=17 * MIB,
-        owner="event-ingest",
-        readers=("event-tracker", "recorder"),
-    ),
-    Topic(
-        name="events/trigger",
-        suffix="events/trigger",
-        message=TriggerMessage,
-        rate_hz=40,
-        deadline_ms=0,
-        priority=Priority.INTERACTIVE_HIGH,
-        delivery=Delivery.RELIABLE,
-        queue=256,
-        shared_memory=False,
-        max_payload_bytes=64 * KIB,
-        owner="event-ingest",
-        readers=("frame-capture", "recorder"),
-    ),
-    # Of its own rather than part of health: the map is needed by programs that compute "now" in event time, to the
-    # microsecond and at start (hence last_value), whereas health is read by people and may be late or large.
-    Topic(
-        name="events/clock",
-        suffix="events/clock",
-        message=ClockMessage,
-        rate_hz=2,
-        deadline_ms=2000,
-        priority=Priority.INTERACTIVE_HIGH,
-        delivery=Delivery.NEWEST,
-        queue=4,
-        shared_memory=False,
-        max_payload_bytes=4 * KIB,
-        owner="event-ingest",
-        readers=("frame-capture", "fusion", "recorder", "clients"),
-        last_value=True,
-    ),
-    Topic(
-        name="frame",
-        suffix="frame",
-        message=FrameMessage,
-        rate_hz=20,
-        deadline_ms=0,
-        priority=Priority.DATA,
-        delivery=Delivery.NEWEST,
-        queue=2,
-        shared_memory=True,
-        max_payload_bytes=64 * MIB,
-        owner="frame-capture",
-        readers=("segmenter", "recorder"),
-    ),
-    Topic(
-        name="segmentation",
-        suffix="segmentation",
-        message=SegmentationMessage,
-        rate_hz=1,
-        deadline_ms=5000,
-        priority=Priority.INTERACTIVE_LOW,
-        delivery=Delivery.RELIABLE,
-        queue=16,
-        shared_memory=False,
-        max_payload_bytes=16 * MIB,
-        owner="segmenter",
-        readers=("fusion", "recorder"),
-    ),
-    Topic(
-        name="track",
-        suffix="track",
-        message=TrackMessage,
-        rate_hz=1000,
-        deadline_ms=50,
-        priority=Priority.REAL_TIME,
-        delivery=Delivery.NEWEST,
-        queue=32,
-        shared_memory=False,
-        max_payload_bytes=4 * MIB,
-        owner="event-tracker",
-        readers=("fusion", "recorder"),
-    ),
-    Topic(
-        name="correction",
-        suffix="correction",
-        message=CorrectionMessage,
-        rate_hz=1,
-        deadline_ms=0,
-        priority=Priority.INTERACTIVE_HIGH,
-        delivery=Delivery.RELIABLE,
-        queue=64,
-        shared_memory=False,
-        max_payload_bytes=4 * MIB,
-        owner="fusion",
-        readers=("event-tracker", "recorder"),
-    ),
-    Topic(
-        name="state",
-        suffix="state",
-        message=StateMessage,
-        rate_hz=1000,
-        deadline_ms=50,
-        priority=Priority.REAL_TIME,
-        delivery=Delivery.NEWEST,
-        queue=32,
-        shared_memory=False,
-        max_payload_bytes=4 * MIB,
-        owner="fusion",
-        readers=("gateway", "monitor", "recorder", "clients"),
-        last_value=True,
-    ),
-    Topic(
-        name="health",
-        suffix="health/{name}",
-        message=HealthMessage,
-        rate_hz=2,
-        deadline_ms=2000,
-        priority=Priority.DATA,
-        delivery=Delivery.NEWEST,
-        queue=64,
-        shared_memory=False,
-        max_payload_bytes=256 * KIB,
-        owner="each daemon",
-        readers=("fusion", "monitor", "recorder", "clients"),
-        last_value=True,
-    ),
-    Topic(
-        name="alive",
-        suffix="alive/{name}",
-        message=None,
-        rate_hz=0,
-        deadline_ms=1000,
-        priority=Priority.DATA,
-        delivery=Delivery.LIVELINESS,
-        queue=64,
-        shared_memory=False,
-        max_payload_bytes=0,
-        owner="each daemon",
-        readers=("fusion", "monitor", "clients"),
-    ),
-    Topic(
-        name="command",
-        suffix="command/{name}",
-        message=CommandRequest,
-        rate_hz=0,
-        deadline_ms=0,
-        priority=Priority.INTERACTIVE_LOW,
-        delivery=Delivery.QUERY,
-        queue=16,
-        shared_memory=False,
-        max_payload_bytes=256 * KIB,
-        owner="clients",
-        readers=("each daemon",),
-    ),
+EVENTS_BATCH: Final[Topic[EventBatchMessage]] = Topic(
+    name="events/batch",
+    suffix="events/batch",
+    message=EventBatchMessage,
+    rate_hz=1000,
+    deadline_ms=50,
+    priority=Priority.REAL_TIME,
+    delivery=Delivery.NEWEST,
+    queue=32,
+    shared_memory=True,
+    max_payload_bytes=17 * MIB,
+    owner="event-ingest",
+    readers=("event-tracker", "recorder"),
 )
 
-_BY_NAME: Final = {topic.name: topic for topic in TOPICS}
+EVENTS_TRIGGER: Final[Topic[TriggerMessage]] = Topic(
+    name="events/trigger",
+    suffix="events/trigger",
+    message=TriggerMessage,
+    rate_hz=40,
+    deadline_ms=0,
+    priority=Priority.INTERACTIVE_HIGH,
+    delivery=Delivery.RELIABLE,
+    queue=256,
+    shared_memory=False,
+    max_payload_bytes=64 * KIB,
+    owner="event-ingest",
+    readers=("frame-capture", "recorder"),
+)
 
-EVENTS_BATCH: Final = _BY_NAME["events/batch"]
-EVENTS_TRIGGER: Final = _BY_NAME["events/trigger"]
-EVENTS_CLOCK: Final = _BY_NAME["events/clock"]
-FRAME: Final = _BY_NAME["frame"]
-SEGMENTATION: Final = _BY_NAME["segmentation"]
-TRACK: Final = _BY_NAME["track"]
-CORRECTION: Final = _BY_NAME["correction"]
-STATE: Final = _BY_NAME["state"]
-HEALTH: Final = _BY_NAME["health"]
-ALIVE: Final = _BY_NAME["alive"]
-COMMAND: Final = _BY_NAME["command"]
+# Of its own rather than part of health: the map is needed by programs that compute "now" in event time, to the
+# microsecond and at start (hence last_value), whereas health is read by people and may be late or large.
+EVENTS_CLOCK: Final[Topic[ClockMessage]] = Topic(
+    name="events/clock",
+    suffix="events/clock",
+    message=ClockMessage,
+    rate_hz=2,
+    deadline_ms=2000,
+    priority=Priority.INTERACTIVE_HIGH,
+    delivery=Delivery.NEWEST,
+    queue=4,
+    shared_memory=False,
+    max_payload_bytes=4 * KIB,
+    owner="event-ingest",
+    readers=("frame-capture", "fusion", "recorder", "clients"),
+    last_value=True,
+)
+
+FRAME: Final[Topic[FrameMessage]] = Topic(
+    name="frame",
+    suffix="frame",
+    message=FrameMessage,
+    rate_hz=20,
+    deadline_ms=0,
+    priority=Priority.DATA,
+    delivery=Delivery.NEWEST,
+    queue=2,
+    shared_memory=True,
+    max_payload_bytes=64 * MIB,
+    owner="frame-capture",
+    readers=("segmenter", "recorder"),
+)
+
+SEGMENTATION: Final[Topic[SegmentationMessage]] = Topic(
+    name="segmentation",
+    suffix="segmentation",
+    message=SegmentationMessage,
+    rate_hz=1,
+    deadline_ms=5000,
+    priority=Priority.INTERACTIVE_LOW,
+    delivery=Delivery.RELIABLE,
+    queue=16,
+    shared_memory=False,
+    max_payload_bytes=16 * MIB,
+    owner="segmenter",
+    readers=("fusion", "recorder"),
+)
+
+TRACK: Final[Topic[TrackMessage]] = Topic(
+    name="track",
+    suffix="track",
+    message=TrackMessage,
+    rate_hz=1000,
+    deadline_ms=50,
+    priority=Priority.REAL_TIME,
+    delivery=Delivery.NEWEST,
+    queue=32,
+    shared_memory=False,
+    max_payload_bytes=4 * MIB,
+    owner="event-tracker",
+    readers=("fusion", "recorder"),
+)
+
+CORRECTION: Final[Topic[CorrectionMessage]] = Topic(
+    name="correction",
+    suffix="correction",
+    message=CorrectionMessage,
+    rate_hz=1,
+    deadline_ms=0,
+    priority=Priority.INTERACTIVE_HIGH,
+    delivery=Delivery.RELIABLE,
+    queue=64,
+    shared_memory=False,
+    max_payload_bytes=4 * MIB,
+    owner="fusion",
+    readers=("event-tracker", "recorder"),
+)
+
+STATE: Final[Topic[StateMessage]] = Topic(
+    name="state",
+    suffix="state",
+    message=StateMessage,
+    rate_hz=1000,
+    deadline_ms=50,
+    priority=Priority.REAL_TIME,
+    delivery=Delivery.NEWEST,
+    queue=32,
+    shared_memory=False,
+    max_payload_bytes=4 * MIB,
+    owner="fusion",
+    readers=("gateway", "monitor", "recorder", "clients"),
+    last_value=True,
+)
+
+HEALTH: Final[Topic[HealthMessage]] = Topic(
+    name="health",
+    suffix="health/{name}",
+    message=HealthMessage,
+    rate_hz=2,
+    deadline_ms=2000,
+    priority=Priority.DATA,
+    delivery=Delivery.NEWEST,
+    queue=64,
+    shared_memory=False,
+    max_payload_bytes=256 * KIB,
+    owner="each daemon",
+    readers=("fusion", "monitor", "recorder", "clients"),
+    last_value=True,
+)
+
+ALIVE: Final[Topic[Message]] = Topic(
+    name="alive",
+    suffix="alive/{name}",
+    message=None,
+    rate_hz=0,
+    deadline_ms=1000,
+    priority=Priority.DATA,
+    delivery=Delivery.LIVELINESS,
+    queue=64,
+    shared_memory=False,
+    max_payload_bytes=0,
+    owner="each daemon",
+    readers=("fusion", "monitor", "clients"),
+)
+
+COMMAND: Final[Topic[CommandRequest]] = Topic(
+    name="command",
+    suffix="command/{name}",
+    message=CommandRequest,
+    rate_hz=0,
+    deadline_ms=0,
+    priority=Priority.INTERACTIVE_LOW,
+    delivery=Delivery.QUERY,
+    queue=16,
+    shared_memory=False,
+    max_payload_bytes=256 * KIB,
+    owner="clients",
+    readers=("each daemon",),
+)
+
+TOPICS: Final[tuple[Topic[Any], ...]] = (
+    EVENTS_BATCH,
+    EVENTS_TRIGGER,
+    EVENTS_CLOCK,
+    FRAME,
+    SEGMENTATION,
+    TRACK,
+    CORRECTION,
+    STATE,
+    HEALTH,
+    ALIVE,
+    COMMAND,
+)
+
+_BY_NAME: Final = {row.name: row for row in TOPICS}
 
 
-def topic(name: str) -> Topic:
+def topic(name: str) -> Topic[Any]:
     """The row called ``name``. Raises MotionDLOError if there is none."""
     if name not in _BY_NAME:
         raise MotionDLOError(f"There is no topic {name!r}.", f"Topics: {', '.join(_BY_NAME)}.")
