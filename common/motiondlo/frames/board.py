@@ -130,7 +130,7 @@ def _fill(image: Image, covered: Image, sigma_px: float) -> Float32Array:
         step = max(1, int(sigma_px * factor / 4.0))
         size = (max(1, image.shape[1] // step), max(1, image.shape[0] // step))
         kernel_sigma = sigma_px * factor / step
-        for source, target in ((values, total), (weight, share)):
+        for source, into in ((values, total), (weight, share)):
             coarse = cv2.GaussianBlur(cv2.resize(source, size, interpolation=cv2.INTER_AREA), (0, 0), kernel_sigma)
-            target += importance * cv2.resize(coarse, image.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+            np.add(into, importance * cv2.resize(coarse, image.shape[1::-1], interpolation=cv2.INTER_LINEAR), out=into)
     return np.asarray(total / np.maximum(share, 1e-6)[..., None], dtype=np.float32)

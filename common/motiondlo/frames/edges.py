@@ -14,6 +14,7 @@ import numpy.typing as npt
 from scipy.linalg import solveh_banded
 from scipy.ndimage import gaussian_filter1d
 
+from motiondlo.frames.edge_kernels import best_path
 from motiondlo.frames.strip import Scene, Strip, sample_strip
 from motiondlo.geometry.curve import arc_length, left_normals, resample, tangents
 
@@ -26,6 +27,7 @@ COLUMN_PX = 0.5
 _WIDTH_FACTORS = np.arange(0.76, 1.29, 0.04)
 _SEARCH_W = 0.45
 """How far from the curve the centre is looked for, widths."""
+_STEP_COST = 0.15
 _PEAK_PX = 2.0
 """How far from its place by the common width an edge's peak is looked for."""
 
@@ -97,23 +99,9 @@ def common_width(g: FloatArray, offsets: FloatArray, width: float, factors: Floa
 def centre_path(g: FloatArray, offsets: FloatArray, width: float) -> FloatArray:
     """Offset of the centre per row, (K,): the smooth path through the strongest pairs of edges (dynamic program)."""
     pair, candidates = _pair_strength(_saturate(g), offsets, width)
-    rows, count = pair.shape
-    step_cost = 0.15
-    total = pair[0].copy()
-    back = np.zeros((rows, count), np.int8)
-    for k in range(1, rows):
-        stay = total
-        left = np.concatenate(([-np.inf], total[:-1])) - step_cost
-        right = np.concatenate((total[1:], [-np.inf])) - step_cost
-        best = np.maximum(stay, np.maximum(left, right))
-        back[k] = np.where(best == stay, 0, np.where(best == left, -1, 1))
-        total = best + pair[k]
-    at = int(np.argmax(total))
-    path = np.empty(rows)
-    for k in range(rows - 1, -1, -1):
-        path[k] = candidates[at]
-        at += int(back[k, at])
-    return path
+    column = np.empty(len(pair), np.int64)
+    best_path(np.ascontiguousarray(pair), _STEP_COST, column)
+    return np.asarray(candidates[column], dtype=np.float64)
 
 
 def locate_edges(
@@ -241,20 +229,21 @@ def _peak_near(g: FloatArray, offsets: FloatArray, where: FloatArray) -> tuple[F
 
 
 def _edge_blur(strip: Strip, centre: FloatArray, width: float) -> float:
-    """Median 10-90 % width of the edges' brightness steps, px."""
+    """Median 10-90 % width of the edges, px: of the sharper side, in the channel that changes most."""
     step = strip.offsets[1] - strip.offsets[0]
     reach = max(int(0.45 * width / step), 4)
-    level = strip.ratio.mean(axis=2)
     widths = []
     for sign in (-1.0, 1.0):
         start = np.round((centre + sign * 0.5 * width - strip.offsets[0]) / step).astype(np.int64)
-        index = np.clip(start[:, None] + np.arange(-reach, reach + 1)[None], 0, level.shape[1] - 1)
-        profile = level[np.arange(len(level))[:, None], index]
-        slope = np.abs(np.diff(profile, axis=1)) / step
+        index = np.clip(start[:, None] + np.arange(-reach, reach + 1)[None], 0, strip.ratio.shape[1] - 1)
+        profile = strip.ratio[np.arange(len(index))[:, None], index].astype(np.float64)
         swing = profile.max(axis=1) - profile.min(axis=1)
-        clear = swing > 0.08
+        slope = np.abs(np.diff(profile, axis=1)).max(axis=1) / step
+        channel = int(np.argmax(np.median(swing, axis=0)))
+        clear = swing[:, channel] > 0.08
         if clear.any():
-            widths.append(float(np.median(0.8 * swing[clear] / np.maximum(slope[clear].max(axis=1), 1e-6))))
+            # A straight ramp over its own slope; a blurred step is about 1.3 times as wide at its foot.
+            widths.append(float(np.median(0.8 * swing[clear, channel] / np.maximum(slope[clear, channel], 1e-6))))
     return min(widths) if widths else 0.0
 
 

@@ -19,8 +19,8 @@ from motiondlo.geometry.curve import arc_length, resample
 FloatArray = npt.NDArray[np.float64]
 
 _TRIM_W = 2.0
-"""How much of both ends is measured anew: a skeleton leaves the centreline half a width before a tip, and turns towards a
-jaw two widths before a gripper."""
+"""How much of both ends is measured anew: a skeleton leaves the centreline half a width before a tip, and turns
+towards a jaw two widths before a gripper."""
 _MAX_TRIM_SHARE = 0.22
 _RETRACE_W = 0.6
 _SEARCH_WIDE_W = 2.5
@@ -115,7 +115,7 @@ def _extend(
 
 
 def is_plausible(segment: Segment, mask: Mask, scale: float, params: InstanceParams) -> bool:
-    """Whether a measured piece can be one of a DLO: steady width, no fold, and where the mask was in the first place."""
+    """Whether a measured piece can be one of a DLO: steady width, no fold, and where the mask was at first."""
     if segment.width_spread > params.max_width_spread * segment.width:
         return False
     if sharpest_turn(segment.centre, 2.0 * segment.width) > params.max_turn_rad:
@@ -127,7 +127,7 @@ def is_plausible(segment: Segment, mask: Mask, scale: float, params: InstancePar
 
 
 def sharpest_turn(centre: FloatArray, span_px: float) -> float:
-    """Largest change of direction within ``span_px`` along a curve, rad. A DLO bends over its own width at the least."""
+    """Largest change of direction within ``span_px`` along a curve, rad."""
     length = float(arc_length(centre)[-1])
     step = span_px / 6.0
     if length < span_px + 2.0 * step:
