@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 from pydantic import BaseModel
 
 from motiondlo.config.validation import validated
 from motiondlo.errors import ConfigError
-from motiondlo.events.types import SensorGeometry
-from motiondlo.tracking.types import EventTracker
+from motiondlo.events.types import EventBatch, SensorGeometry, empty_events
+from motiondlo.frames.types import EndKind
+from motiondlo.tracking.types import Correction, CorrectionKind, EventTracker
 
 PROFILES = ("default", "paper")
 
@@ -42,3 +45,51 @@ def make_tracker(profile: str, overrides: Mapping[str, Any], geometry: SensorGeo
 
     assert isinstance(params, ChainParams)
     return ChainTracker(params, geometry)
+
+
+def warm_up(profile: str, overrides: Mapping[str, Any], geometry: SensorGeometry) -> None:
+    """Compile, or load from the cache, every kernel of the profile: a made-up DLO, at rest and moving, for a moment."""
+    tracker = make_tracker(profile, overrides, geometry)
+    y = geometry.height_px / 2.0
+    nodes = np.stack([np.linspace(0.2, 0.8, 40) * geometry.width_px, np.full(40, y)], axis=1)
+    sigma = np.full(40, 1.0)
+    tracker.correct(
+        Correction(
+            seq=1,
+            id=0,
+            t_us=0,
+            kind=CorrectionKind.REINITIALISE,
+            nodes=nodes,
+            sigma_normal_px=sigma,
+            sigma_tangent_px=5.0 * sigma,
+            diameter_px=24.0,
+            ends=(EndKind.HELD, EndKind.TIP),
+        )
+    )
+    tracker.correct(
+        Correction(
+            seq=2,
+            id=0,
+            t_us=5_000,
+            kind=CorrectionKind.BLEND,
+            nodes=nodes,
+            sigma_normal_px=sigma,
+            sigma_tangent_px=5.0 * sigma,
+            diameter_px=24.0,
+            ends=(EndKind.HELD, EndKind.TIP),
+            not_before_us=20_000,
+        )
+    )
+    for k in range(60):
+        tracker.update(_sweeping_edges(k, nodes, y))
+
+
+def _sweeping_edges(k: int, nodes: npt.NDArray[np.float64], y: float) -> EventBatch:
+    """The events of a line that moves 1 px downwards in 1 ms, its two edges 24 px apart, for the k-th millisecond."""
+    x = np.arange(int(nodes[0, 0]), int(nodes[-1, 0]), dtype=np.int64)
+    events = empty_events(2 * len(x))
+    events["t"] = k * 1000 + np.sort(np.arange(2 * len(x)) % 1000)
+    events["x"] = np.concatenate([x, x])
+    events["y"] = np.concatenate([np.full(len(x), y + k - 12), np.full(len(x), y + k + 12)]).astype(np.int64)
+    events["p"] = np.repeat([0, 1], len(x))
+    return EventBatch(k * 1000, (k + 1) * 1000, events)

@@ -1,0 +1,58 @@
+"""The whole configuration of a cell: every section there is, checked together before anything starts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import BaseModel
+
+from motiondlo.config.cell import CalibrationSection, Cell, CellSection, ReplaySection, load_cell
+from motiondlo.config.loader import read_toml
+from motiondlo.config.validation import validated
+from motiondlo.errors import ConfigError
+from motiondlo.tracking.factory import tracker_params
+from motiondlo_services.event_ingest.config import EventIngestConfig
+from motiondlo_services.event_tracker.config import EventTrackerConfig
+from motiondlo_services.frame_capture.config import FrameCaptureConfig
+from motiondlo_services.fusion.config import FusionConfig
+from motiondlo_services.runtime.bus_section import BusSection
+from motiondlo_services.segmenter.config import SegmenterConfig
+
+SECTIONS: dict[str, type[BaseModel]] = {
+    "cell": CellSection,
+    "calibration": CalibrationSection,
+    "replay": ReplaySection,
+    "bus": BusSection,
+    "event_ingest": EventIngestConfig,
+    "event_tracker": EventTrackerConfig,
+    "fusion": FusionConfig,
+    "frame_capture": FrameCaptureConfig,
+    "segmenter": SegmenterConfig,
+}
+
+
+def check_configuration(path: Path) -> Cell:
+    """Check every section of the file; the shared ones, ready for use.
+
+    Raises ConfigError for an unknown section, or naming file, field, value and bound of whatever is wrong.
+    """
+    tables = read_toml(path)
+    unknown = sorted(set(tables) - set(SECTIONS))
+    if unknown:
+        raise ConfigError(f"{path}: [{unknown[0]}]: no such section.", f"Sections: {', '.join(SECTIONS)}.")
+    for name, model in SECTIONS.items():
+        table = tables.get(name, {})
+        if not isinstance(table, dict):
+            raise ConfigError(f"{path}: {name} is no table.", f"Write it as [{name}].")
+        section = validated(model, table, f"{path}: [{name}]")
+        if isinstance(section, EventTrackerConfig):
+            try:
+                tracker_params(section.profile, section.parameters)
+            except ConfigError as error:
+                raise ConfigError(f"{path}: [event_tracker.parameters] {error.what}", error.what_to_do) from error
+    return load_cell(path)
+
+
+def bus_section(path: Path) -> BusSection:
+    """The file's ``[bus]``. Raises ConfigError."""
+    return validated(BusSection, read_toml(path).get("bus", {}), f"{path}: [bus]")

@@ -1,0 +1,71 @@
+"""The event tracker's shell: batches and corrections in, a track message per update out."""
+
+from __future__ import annotations
+
+import sys
+import time
+
+from motiondlo.bus.session import Bus
+from motiondlo.events.types import EventBatch
+from motiondlo.messages.events import EventBatchMessage
+from motiondlo.messages.track import TrackMessage
+from motiondlo.topics import CORRECTION, EVENTS_BATCH, TRACK
+from motiondlo.tracking.factory import make_tracker, warm_up
+from motiondlo_services.event_tracker.config import EventTrackerConfig
+from motiondlo_services.event_tracker.core import EventTrackerCore
+from motiondlo_services.runtime.shell import Shell, run_daemon
+
+WAIT_S = 0.1
+
+
+def serve(shell: Shell, bus: Bus) -> None:
+    """Track until told to stop."""
+    # Configuration and core; kernels are compiled before the first event is accepted.
+    config = shell.section(EventTrackerConfig)
+    warm_up(config.profile, config.parameters, shell.cell.geometry)
+    core = EventTrackerCore(
+        make_tracker(config.profile, config.parameters, shell.cell.geometry), patience=config.patience
+    )
+
+    # Bus.
+    batches = bus.subscriber(EVENTS_BATCH)
+    corrections = bus.subscriber(CORRECTION)
+    tracks = bus.publisher(TRACK)
+    waiting: list[tuple[EventBatchMessage, int]] = []
+    shell.ready()
+
+    # Loop: this thread receives and computes, so that nothing else competes for the interpreter.
+    while shell.running:
+        if not waiting:
+            bus.wait(WAIT_S, batches, corrections)
+        corrected = False
+        for correction in corrections.drain():
+            core.on_correction(correction.to_correction(), correction.source)
+            corrected = True
+        while (message := batches.recv()) is not None:
+            waiting.append((message, batches.lost_before))
+        count = core.take(len(waiting))
+        if count:
+            taken, waiting = waiting[:count], waiting[count:]
+            update = core.on_batches([_batch(message, lost) for message, lost in taken])
+            newest = taken[-1][0]
+            lost_now = any(lost or message.lost_before for message, lost in taken)
+            tracks.put(TrackMessage.from_update(update, newest.t_ingest_ns, valid=not lost_now))
+            shell.t_us = batches.horizon_us = update.t_us
+            shell.latency("update", time.monotonic_ns() - newest.t_ingest_ns)
+        shell.counts.update({name: core.counts[name] - shell.counts[name] for name in core.counts})
+        shell.tick({"tracks": core.tracks, "queue": len(waiting)}, core.rejects.as_dict(), now=corrected)
+
+
+def _batch(message: EventBatchMessage, lost: int) -> EventBatch:
+    """The message's batch; what the wire lost adds to what the ingest dropped."""
+    return message.to_batch(lost_before=message.lost_before + lost)
+
+
+def main() -> int:
+    """Entry point of ``motiondlo-event-tracker``."""
+    return run_daemon("event-tracker", serve)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,87 @@
+"""The fusion daemon's shell: tracks and segmentations in; the state, requests and corrections out."""
+
+from __future__ import annotations
+
+import sys
+import time
+
+from motiondlo.bus.publisher import Publisher
+from motiondlo.bus.session import Bus
+from motiondlo.frames.types import Segmentation
+from motiondlo.fusion.core import FusionCore
+from motiondlo.messages.correction import CorrectionMessage
+from motiondlo.messages.track import TrackMessage
+from motiondlo.topics import CORRECTION, SEGMENTATION, STATE, TRACK
+from motiondlo.tracking.types import Correction
+from motiondlo_services.fusion.asking import FrameAsker
+from motiondlo_services.fusion.config import FusionConfig
+from motiondlo_services.fusion.publication import SegmentationHold, state_message
+from motiondlo_services.runtime.shell import Shell, run_daemon
+
+WAIT_S = 0.05
+
+
+def serve(shell: Shell, bus: Bus) -> None:
+    """Fuse until told to stop."""
+    # Configuration and core. Corrections number on from the host's clock, so that a restart never repeats a number.
+    core = FusionCore(shell.section(FusionConfig), first_seq=time.monotonic_ns() // 1000)
+    px_per_mm = shell.cell.px_per_mm()
+    replay = shell.cell.replay
+    hold = SegmentationHold(int(replay.segmenter_latency_ms * 1000) if replay.recording else 0)
+
+    # Bus.
+    tracks = bus.subscriber(TRACK)
+    segmentations = bus.subscriber(SEGMENTATION)
+    states = bus.publisher(STATE)
+    corrections = bus.publisher(CORRECTION)
+    asker = FrameAsker(bus)
+    asked_us: dict[str, int] = {}
+    now_us, degraded = -1, ""
+    shell.ready()
+
+    def on_track(message: TrackMessage) -> None:
+        state = core.on_track(message.to_update())
+        states.put(state_message(state, message.t_ingest_ns, px_per_mm))
+        shell.latency("state", time.monotonic_ns() - message.t_ingest_ns)
+        shell.counts["states"] += 1
+        _send(corrections, core.corrections_due(), shell)
+
+    # Loop.
+    while shell.running:
+        bus.wait(WAIT_S, tracks, segmentations)
+        for track in tracks.drain():
+            on_track(track)
+            now_us = shell.t_us = track.t_us
+        for segmentation in segmentations.drain():
+            hold.put(segmentation.to_segmentation(), asked_us.pop(segmentation.request_id, now_us))
+            shell.counts["segmentations"] += 1
+        for due in hold.due(now_us):
+            shell.counts["failed_segmentations"] += int(bool(due.failure))
+            _send(corrections, core.on_segmentation(due, now_us), shell)
+        if asker.failed():
+            core.on_segmentation(Segmentation(now_us, "", failure=f"not taken: {asker.last_error}"), now_us)
+        request = core.frame_request()
+        if request is not None:
+            request_id = f"fusion-{shell.counts['requests']}"
+            asked_us = {request_id: now_us if request.after_us >= 0 else -1}
+            asker.ask(request, request_id)
+            shell.counts["requests"] += 1
+        changed, degraded = degraded != core.degraded_reason, core.degraded_reason
+        shell.problems = (degraded,) if degraded else ()
+        shell.tick({}, {}, now=changed)
+    asker.close()
+
+
+def _send(publisher: Publisher[CorrectionMessage], corrections: tuple[Correction, ...], shell: Shell) -> None:
+    for correction in corrections:
+        publisher.put(CorrectionMessage.from_correction(correction))
+        shell.counts["corrections"] += 1
+
+
+def main() -> int:
+    """Entry point of ``motiondlo-fusion``."""
+    return run_daemon("fusion", serve)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

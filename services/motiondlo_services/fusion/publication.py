@@ -1,0 +1,81 @@
+"""The fused state as the state message, and segmentations held back until their time in a replay."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+
+import numpy as np
+import numpy.typing as npt
+
+from motiondlo.frames.types import Segmentation
+from motiondlo.fusion.state import FusedDlo, FusedState
+from motiondlo.messages.header import trusted
+from motiondlo.messages.state import StateDlo, StateMessage
+
+Float32Array = npt.NDArray[np.float32]
+
+
+def state_message(state: FusedState, t_ingest_ns: int, px_per_mm: float | None) -> StateMessage:
+    """The message of a state; our own arrays are not validated again (this runs a thousand times a second)."""
+    return trusted(
+        StateMessage,
+        {
+            "t_us": state.t_us,
+            "t_events_us": state.t_events_us,
+            "t_utc_ns": time.time_ns(),
+            "t_ingest_ns": t_ingest_ns,
+            "mode": state.mode.value,
+            "dlos": tuple(_dlo(dlo, px_per_mm) for dlo in state.dlos),
+        },
+    )
+
+
+def _dlo(dlo: FusedDlo, px_per_mm: float | None) -> StateDlo:
+    return trusted(
+        StateDlo,
+        {
+            "id": dlo.id,
+            "nodes": _single(dlo.nodes),
+            "sigma_px": _single(dlo.sigma_px),
+            "velocity_px_s": _single(dlo.velocity_px_s),
+            "visible": np.asarray(dlo.visible, dtype=np.uint8),
+            "diameter_px": float(dlo.diameter_px),
+            "length_px": float(dlo.length_px),
+            "confidence": float(dlo.confidence),
+            "moving": bool(dlo.moving),
+            "source": str(dlo.source),
+            "t_corrected_us": int(dlo.t_corrected_us),
+            "nodes_mm": None if px_per_mm is None else _single(dlo.nodes / px_per_mm),
+        },
+    )
+
+
+def _single(array: npt.NDArray[np.float64]) -> Float32Array:
+    return np.ascontiguousarray(array, dtype=np.float32)
+
+
+class SegmentationHold:
+    """Keeps segmentations until event time has come to where a segmenter of the given latency would deliver them.
+
+    A replay on a machine whose segmenter is faster then gives what ``motiondlo track`` gives. With a latency of 0 (any
+    live cell) everything is released at once; so is the first frame's, whose scene was at rest before the start.
+    """
+
+    def __init__(self, latency_us: int) -> None:
+        self._latency_us = latency_us
+        self._held: deque[tuple[int, Segmentation]] = deque()
+
+    def put(self, segmentation: Segmentation, asked_us: int) -> None:
+        """``asked_us``: event time of the request that this one answers, -1 for the first frame's."""
+        due_us = -1
+        if asked_us >= 0 and self._latency_us:
+            due_us = max(asked_us, segmentation.t_us) + self._latency_us
+        self._held.append((due_us, segmentation))
+
+    def due(self, now_us: int) -> list[Segmentation]:
+        """Those whose time has come."""
+        released = []
+        while self._held and self._held[0][0] <= now_us:
+            released.append(self._held.popleft()[1])
+        return released

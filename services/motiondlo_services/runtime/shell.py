@@ -1,0 +1,170 @@
+"""The shell around every daemon's core: arguments, configuration, bus, real-time set-up, health, watchdog, shutdown.
+
+A daemon's ``main`` is ``run_daemon(name, body)``; its ``body(shell, bus)`` builds the core, says ``shell.ready()``, and
+loops while ``shell.running``, calling ``shell.tick(...)`` at least a few times a second.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Literal, TypeVar
+
+from pydantic import BaseModel
+
+from motiondlo import __version__
+from motiondlo.bus.session import Bus, open_bus
+from motiondlo.config.cell import Cell, load_cell
+from motiondlo.config.loader import load_section
+from motiondlo.errors import MotionDLOError
+from motiondlo.messages.health import HealthMessage
+from motiondlo.topics import HEALTH
+from motiondlo_services.processes import Process, process
+from motiondlo_services.runtime.bus_section import BusSection
+from motiondlo_services.runtime.latency import LatencyWindow
+from motiondlo_services.runtime.notify import Notifier
+from motiondlo_services.runtime.realtime import lock_memory, settle_garbage_collector, use_scheduling
+from motiondlo_services.runtime.shutdown import StopFlag, die_with_parent
+
+Section = TypeVar("Section", bound=BaseModel)
+Lifecycle = Literal["starting", "running", "degraded", "stopping"]
+
+HEALTH_PERIOD_NS = 500_000_000
+
+
+class Shell:
+    """What a daemon knows of itself while it runs."""
+
+    def __init__(self, row: Process, config: Path) -> None:
+        self.row = row
+        self.cell: Cell = load_cell(config)
+        self.config_path = config
+        self.latencies: dict[str, LatencyWindow] = {}
+        self.counts: Counter[str] = Counter()
+        """Whatever the daemon counts; shown in health as it is."""
+        self.lifecycle: Lifecycle = "starting"
+        self.problems: tuple[str, ...] = ()
+        self.scheduling = "other"
+        self.t_us = -1
+        self._stop = StopFlag().install()
+        self._notifier = Notifier()
+        self._started_ns = time.monotonic_ns()
+        self._next_health_ns = 0
+        self._rates_from: tuple[int, Counter[str]] = (self._started_ns, Counter())
+        self._bus: Bus | None = None
+
+    @property
+    def running(self) -> bool:
+        """Until somebody asks the process to stop."""
+        return not self._stop
+
+    def section(self, model: type[Section]) -> Section:
+        """The daemon's own section of the configuration. Raises ConfigError."""
+        return load_section(self.config_path, self.row.section, model)
+
+    def use_bus(self, bus: Bus) -> None:
+        """Publish health on ``bus`` from now on."""
+        self._bus = bus
+        self._health = bus.publisher(HEALTH)
+
+    def ready(self) -> None:
+        """The core is warm and the inputs are subscribed to: become real-time, tell the manager and the others."""
+        settle_garbage_collector()
+        if self.cell.cell.realtime:
+            locked = lock_memory()
+            self.scheduling = use_scheduling(self.row)
+            self.counts["memory_locked"] = int(locked)
+        self.lifecycle = "running"
+        if self._bus is not None:
+            self._bus.announce_alive()
+        self._notifier.send("READY=1")
+        self._next_health_ns = 0
+
+    def latency(self, name: str, value_ns: int) -> None:
+        """Note a latency for health."""
+        window = self.latencies.get(name)
+        if window is None:
+            window = self.latencies[name] = LatencyWindow()
+        window.add(value_ns)
+
+    def tick(self, info: Mapping[str, bool | int | float | str], rejects: Mapping[str, int], now: bool = False) -> None:
+        """Health and watchdog when they are due, or ``now`` because something has changed."""
+        now_ns = time.monotonic_ns()
+        if now_ns < self._next_health_ns and not now:
+            return
+        self._next_health_ns = now_ns + HEALTH_PERIOD_NS
+        self._notifier.send("WATCHDOG=1")
+        if self._bus is not None:
+            self._health.put(self._health_message(self._bus, now_ns, info, rejects))
+
+    def _health_message(
+        self, bus: Bus, now_ns: int, info: Mapping[str, bool | int | float | str], rejects: Mapping[str, int]
+    ) -> HealthMessage:
+        by_reason, by_sender = bus.rejects()
+        for reason, count in rejects.items():
+            by_reason[reason] = by_reason.get(reason, 0) + count
+        inputs = bus.inputs()
+        since_ns, before = self._rates_from
+        span_s = max((now_ns - since_ns) * 1e-9, 1e-9)
+        rates = {name: (count - before[name]) / span_s for name, count in self.counts.items()}
+        self._rates_from = (now_ns, Counter(self.counts))
+        shared_memory = bus.shared_memory_report()
+        quantiles = {name: window.take() for name, window in self.latencies.items()}
+        return HealthMessage(
+            t_us=self.t_us,
+            daemon=self.row.name,
+            lifecycle=self.lifecycle,
+            ready=self.lifecycle == "running",
+            uptime_s=(now_ns - self._started_ns) * 1e-9,
+            problems=self.problems,
+            rates_hz=rates | {name: status.rate_hz for name, status in inputs.items()},
+            latencies_ms={name: value for name, value in quantiles.items() if value is not None},
+            drops=bus.drops(),
+            rejects=by_reason,
+            reject_senders=by_sender,
+            queues={name: status.queued for name, status in inputs.items()},
+            versions={"motiondlo": __version__},
+            info={
+                "scheduling": self.scheduling,
+                "shared_memory": shared_memory.why or "in use",
+                **dict(self.counts),
+                **info,
+            },
+        )
+
+    def close(self) -> None:
+        """Say goodbye to the manager."""
+        self.lifecycle = "stopping"
+        self._notifier.send("STOPPING=1")
+        self._notifier.close()
+
+
+def run_daemon(name: str, body: Callable[[Shell, Bus], None]) -> int:
+    """Run a daemon from the command line until it is told to stop, or its work is done; returns the exit code."""
+    row = process(name)
+    parser = argparse.ArgumentParser(prog=f"motiondlo-{name}", description=f"MotionDLO daemon: {row.purpose}.")
+    parser.add_argument("--config", type=Path, required=True, metavar="FILE", help="the cell's configuration")
+    parser.add_argument("--supervised", action="store_true", help="end when the parent process ends")
+    parser.add_argument("--debug", action="store_true", help="show the traceback of a failure")
+    args = parser.parse_args()
+    if args.supervised:
+        die_with_parent()
+    try:
+        shell = Shell(row, args.config)
+        section = load_section(args.config, "bus", BusSection)
+        with open_bus(section.of_daemon(shell.cell.cell.name, name), name) as bus:
+            shell.use_bus(bus)
+            try:
+                body(shell, bus)
+            finally:
+                shell.close()
+    except MotionDLOError as error:
+        if args.debug:
+            raise
+        print(f"motiondlo-{name}: {error}", file=sys.stderr, flush=True)  # noqa: T201
+        return 1
+    return 0

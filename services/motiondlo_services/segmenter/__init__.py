@@ -1,0 +1,1 @@
+"""The segmenter: turns a frame into the polylines of the DLOs in it."""
