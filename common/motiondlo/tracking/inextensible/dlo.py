@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
@@ -22,6 +20,7 @@ from motiondlo.tracking.inextensible.filter_kernels import (
     predict,
     solve,
 )
+from motiondlo.tracking.inextensible.late import PastState, carried_innovation, oriented_like
 from motiondlo.tracking.inextensible.observe_kernels import learn_profiles, observe_stations
 from motiondlo.tracking.inextensible.params import InextensibleParams
 from motiondlo.tracking.inextensible.profiles import log_ratios, prior_profiles, visible_at_start
@@ -40,14 +39,6 @@ Int64Array = npt.NDArray[np.int64]
 
 _FIELD_PX = 36.0
 _START_CORRELATION_PX = 120.0
-
-
-@dataclass(frozen=True)
-class PastState:
-    """What a late correction is compared with: the state at one time."""
-
-    x: FloatArray
-    cov: FloatArray
 
 
 class InextensibleDlo:
@@ -140,8 +131,12 @@ class InextensibleDlo:
         self.support = self.alive.copy()
         self.absent_ms = np.zeros(m)
         self.known_s_px = [0.0, length]
+        self.seen_ms = np.zeros(m)
+        self.end_seen_ms = [0.0, 0.0]
+        self._revisions: list[tuple[int, int, FloatArray]] = []
         self.noise_factor = 1.0
         self.silent_ms = 0.0
+        self.background_per_ms = 0.0
         self.recent_speed = 0.0
         self.frozen = True
         self.fit_px = 0.0
@@ -187,7 +182,7 @@ class InextensibleDlo:
         sign = -1.0 if index == 0 else 1.0
         if end.kind is EndKind.TIP:
             return float(end.s_px + self.x[2 * self.n + END_A + index])
-        reach = {EndKind.HELD: 0.8 * self.params.held_reach_px}.get(end.kind, 0.0)
+        reach = self.params.held_report_px if end.kind is EndKind.HELD else 0.0
         if end.kind is EndKind.BORDER:
             return float(self.known_s_px[index] + sign * self.params.station_px)
         return end.s_px + sign * reach
@@ -222,9 +217,13 @@ class InextensibleDlo:
             self.quality, self.window, active, self.alive, p.sigma_floor_px, p.sigma_age, p.age_share, p.quality_min,
             p.events_min, p.rest_sigma, p.rest_velocity, rows.h, rows.z, rows.w, rows.robust, self.good, self.nis,
         )  # fmt: skip
+        first_end_row = rows.count
         poses = [self._end_pose(end, dt_ms) for end in self.ends]
         for end, pose in zip(self.ends, poses, strict=True):
             end.observe(surface, t_us, dt_ms, pose, self.x, rows, self.geometry.width_px, self.geometry.height_px)
+        end_rows = rows.h[first_end_row : rows.count]
+        spread = np.einsum("ij,jk,ik->i", end_rows, self.cov, end_rows) + 1.0 / rows.w[first_end_row : rows.count]
+        end_nis = rows.z[first_end_row : rows.count] ** 2 / spread
         if self._idle(speed):
             self.x[:n] = before_x[:n]
             self.x[n : 2 * n] = before_x[n : 2 * n] * 0.7
@@ -249,11 +248,15 @@ class InextensibleDlo:
             if self.tick % 2 == 0:
                 self._refresh_acceleration()
             remember_bend(n, self.x, p.bend_memory * dt_ms, self.memory)
-            self._adapt(dt_ms)
+            self._adapt(dt_ms, float(end_nis.max(initial=0.0)))
             self._learn(surface, t_us, active, dt_ms)
         update_support(
             dt_ms, active, self.good, self.count, self.vn, p.events_min, self.alive, self.support, self.absent_ms
         )
+        self.seen_ms += dt_ms * self.good
+        for end in self.ends:
+            if np.isfinite(end.tip_shift_px) or end.patch_events >= p.patch_events_min:
+                self.end_seen_ms[end.index] += dt_ms
         self._follow_open_ends(surface, t_us, dt_ms)
         self.vn_past.append(self.vn.copy())
         del self.vn_past[:-4]
@@ -315,23 +318,28 @@ class InextensibleDlo:
     def _idle(self, speed: float) -> bool:
         p = self.params
         quiet = self.seen < p.idle_share * max(self.could, 1)
-        moved = any(end.held and end.patch_events >= p.patch_events_min and end.shift_px > 1.0 for end in self.ends)
+        moved = any(
+            end.held and end.patch_events >= p.patch_events_min and (end.shift_px > 1.0 or end.learned < 2)
+            for end in self.ends
+        )
         return quiet and speed < 2.0 * p.idle_velocity and not moved
 
-    def _adapt(self, dt_ms: float) -> None:
+    def _adapt(self, dt_ms: float, end_nis: float) -> None:
         p = self.params
         nis = self.nis[self.good > 0]
+        surprised = len(nis) >= 3 and float(np.median(nis)) > p.noise_surprise
+        # What pulls a DLO along itself shows at its ends only.
+        if surprised or end_nis > p.end_surprise:
+            self.noise_factor = min(self.noise_factor * 2.0**dt_ms, p.noise_growth_max)
+        else:
+            self.noise_factor = max(1.0, self.noise_factor * 0.93**dt_ms)
         if len(nis) >= 3:
-            if float(np.median(nis)) > p.noise_surprise:
-                self.noise_factor = min(self.noise_factor * 2.0**dt_ms, p.noise_growth_max)
-            else:
-                self.noise_factor = max(1.0, self.noise_factor * 0.93**dt_ms)
             off = self.offset[self.good > 0]
             self.fit_px = float(np.sqrt(np.mean(off**2)))
 
     def _learn(self, surface: Int64Array, t_us: int, active: npt.NDArray[np.bool_], dt_ms: float) -> None:
         p = self.params
-        trusted = self.seen > 0.5 * max(self.could, 1)
+        trusted = self.seen > 0.4 * max(self.could, 1)
         if self.tick % 2 == 0 and self.seen > 4:
             marked = active & (self.good > 0) & (np.abs(self.vn) > 0.3)
             learn_profiles(
@@ -341,6 +349,88 @@ class InextensibleDlo:
             )  # fmt: skip
         for end in self.ends:
             end.learn(surface, t_us, self._end_pose(end, dt_ms), self.x, trusted)
+
+    # rest and late corrections
+
+    @property
+    def asleep(self) -> bool:
+        """Silent for so long that only fresh events nearby are worth a step."""
+        return self.frozen and self.silent_ms >= self.params.asleep_after_ms
+
+    @property
+    def moving(self) -> bool:
+        """Whether some part moves."""
+        return self.state().moving
+
+    def stirred(self, fresh: int, dt_ms: float) -> bool:
+        """Whether ``fresh`` events nearby in ``dt_ms`` are more than the background that was seen at rest."""
+        rate = fresh / dt_ms
+        wakes = rate > 2.0 * self.background_per_ms + self.params.wake_events
+        if self.frozen and not wakes:
+            self.background_per_ms += 0.02 * (rate - self.background_per_ms)
+        return wakes
+
+    def past_state(self) -> PastState:
+        """What a late correction for now will be compared with."""
+        return PastState(
+            self.p.copy(),
+            self.sn.copy(),
+            self.seen_ms.copy(),
+            (self.end_seen_ms[0], self.end_seen_ms[1]),
+            (self.end_s_px(0), self.end_s_px(1)),
+        )
+
+    def blend(self, correction: Correction, past: PastState, now_us: int) -> bool:
+        """Absorb a late correction; False if it is too far from what was held at its time."""
+        p = self.params
+        n = self.n
+        points = past.points + self._revised_since(correction.t_us)
+        past = PastState(points, past.sigma_normal_px, past.seen_ms, past.end_seen_ms, past.ends_s_px)
+        inside = (self.s_px >= past.ends_s_px[0] - 1.0) & (self.s_px <= past.ends_s_px[1] + 1.0)
+        correction = oriented_like(correction, points[inside])
+        tips = (self.ends[0].free, self.ends[1].free)
+        carried = carried_innovation(
+            correction, past, self.s_px, self.seen_ms, (self.end_seen_ms[0], self.end_seen_ms[1]), tips,
+            p.correction_fade_ms, p.correction_bias_px,
+        )  # fmt: skip
+        if not carried.plausible:
+            return False
+        rows = self.rows
+        rows.count = 0
+        for i in np.flatnonzero(np.isfinite(carried.variance_px2)):
+            row = np.zeros(self.size)
+            row[:n] = self.h_normal[i]
+            row[2 * n + STRETCH] = self.h_stretch[i]
+            rows.add(row, float(carried.offset_px[i]), float(np.sqrt(carried.variance_px2[i])), robust=True)
+        for end in self.ends:
+            if np.isfinite(carried.end_variance_px2[end.index]):
+                pose = self._end_pose(end, 1.0)
+                row = np.zeros(self.size)
+                row[:n] = pose.outward @ pose.jacobian
+                row[2 * n + END_A + end.index] = -1.0 if end.index == 0 else 1.0
+                sigma = float(np.sqrt(carried.end_variance_px2[end.index]))
+                rows.add(row, carried.end_shift_px[end.index], sigma, robust=True)
+        before = self.p.copy()
+        solve(
+            self.x, self.cov, rows.h, rows.z, rows.w, rows.count, p.student_nu, p.robust_passes, rows.robust,
+            self.residual,
+        )  # fmt: skip
+        self.place()
+        self._stations()
+        remember_bend(n, self.x, 1.0, self.memory)
+        self._revisions.append((correction.t_us, now_us, self.p - before))
+        del self._revisions[:-8]
+        self.t_corrected_us = correction.t_us
+        self._state = None
+        return True
+
+    def _revised_since(self, t_us: int) -> FloatArray:
+        """(m, 2) what corrections absorbed after ``t_us`` for earlier times would have changed at ``t_us``."""
+        shift = np.zeros((self.m, 2))
+        for for_us, absorbed_us, change in self._revisions:
+            if for_us <= t_us < absorbed_us:
+                shift += change
+        return shift
 
     # result
 

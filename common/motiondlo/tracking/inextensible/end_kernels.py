@@ -12,10 +12,45 @@ import numpy as np
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
+def shortest_window(ages, target, window_min_ms, window_ms):  # type: ignore[no-untyped-def]
+    """The shortest window that holds ``target`` events. ages: (64,) counts per quarter of a ms."""
+    total = 0
+    for k in range(64):
+        total += ages[k]
+        w = 0.25 * (k + 1)
+        if w >= window_ms:
+            return window_ms
+        if total >= target and w >= window_min_ms:
+            return w
+    return window_ms
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
 def collect_patch(  # type: ignore[no-untyped-def]
-    surface, t_us, ox, oy, ex, ey, vx, vy, omega, window_ms, latency_ms, a_min, a_max, b_max, keep_out_px, a_out, b_out
+    surface,
+    t_us,
+    ox,
+    oy,
+    ex,
+    ey,
+    vx,
+    vy,
+    omega,
+    window_min_ms,
+    window_ms,
+    target,
+    latency_ms,
+    a_min,
+    a_max,
+    b_max,
+    keep_out_px,
+    a_out,
+    b_out,
+    age_out,
 ):
-    """Events of the patch, moved to now, in its frame. Returns (count, mean age in ms).
+    """Events of the patch, moved to now, in its frame. Returns (count, mean age in ms, window in ms).
+
+    The window is the shortest up to ``window_ms`` that holds ``target`` events.
 
     (ox, oy): origin; (ex, ey): outward direction; (vx, vy) px/ms and omega rad/ms: the patch's motion. Within
     ``keep_out_px`` of the axis, events before the origin (a < 0) belong to the DLO and are left out.
@@ -30,7 +65,7 @@ def collect_patch(  # type: ignore[no-untyped-def]
     margin_x = half_a * abs(ex) + b_max * abs(ey) + 0.5 * travel + 2.0
     margin_y = half_a * abs(ey) + b_max * abs(ex) + 0.5 * travel + 2.0
     count = 0
-    ages = 0.0
+    ages = np.zeros(64, np.int64)
     for y in range(max(0, int(cy - margin_y)), min(height - 1, int(cy + margin_y)) + 1):
         for x in range(max(0, int(cx - margin_x)), min(width - 1, int(cx + margin_x)) + 1):
             for p in range(2):
@@ -47,9 +82,19 @@ def collect_patch(  # type: ignore[no-untyped-def]
                     if count < capacity:
                         a_out[count] = a
                         b_out[count] = b
+                        age_out[count] = age - latency_ms
+                        ages[min(int(age_out[count] * 4.0), 63)] += 1
                         count += 1
-                        ages += age - latency_ms
-    return count, ages / max(count, 1)
+    window = shortest_window(ages, target, window_min_ms, window_ms)
+    kept = 0
+    age_sum = 0.0
+    for i in range(count):
+        if age_out[i] <= window:
+            a_out[kept] = a_out[i]
+            b_out[kept] = b_out[i]
+            age_sum += age_out[i]
+            kept += 1
+    return kept, age_sum / max(kept, 1), window
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)

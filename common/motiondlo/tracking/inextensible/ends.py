@@ -86,6 +86,8 @@ class EndTracker:
     learned: int = 0
     tip_learned: int = 0
     patch_events: int = 0
+    tip_rate: float = 0.0
+    """Events of the tip per ms, lately."""
     quiet_ms: float = 0.0
     shift_px: float = 0.0
     tip_shift_px: float = float("nan")
@@ -101,6 +103,7 @@ class EndTracker:
         self._histogram = np.zeros(2 * _TIP_REACH_PX + 1)
         self._a = np.empty(_PATCH_CAPACITY, np.float32)
         self._b = np.empty(_PATCH_CAPACITY, np.float32)
+        self._age = np.empty(_PATCH_CAPACITY, np.float32)
         self._match = np.zeros(7)
         self._tip = np.zeros(2)
         self._window_ms = 1.0
@@ -138,7 +141,9 @@ class EndTracker:
         """Learn the patch or the tip's profile at the corrected pose."""
         p = self.params
         speed = float(np.hypot(*pose.velocity))
-        if self.held and self.patch_events >= p.patch_events_min and trusted and abs(self.shift_px) < 2.5:
+        # The first look counts most: what holds the DLO starts from rest, where the pose is known best.
+        sure = trusted or self.learned < 8
+        if self.held and self.patch_events >= p.patch_events_min and sure and abs(self.shift_px) < 2.5:
             count, _ = self._collect(surface, t_us, pose, x)
             rate = max(p.patch_learn_rate if speed > 0.5 else 0.3 * p.patch_learn_rate, 1.0 / (self.learned + 1))
             learn_patch(
@@ -167,12 +172,13 @@ class EndTracker:
         p = self.params
         ratio = float(x[len(x) - 5 + RATIO_A + self.index])
         origin = pose.place + ratio * (pose.place - self.reference)
-        count, age = collect_patch(
+        count, age, window = collect_patch(
             surface, t_us, origin[0], origin[1], pose.outward[0], pose.outward[1],
             pose.velocity[0] * (1.0 + ratio), pose.velocity[1] * (1.0 + ratio), pose.omega,
-            self._window_ms, p.latency_ms, -p.patch_inward_px, p.patch_length_px, p.patch_half_width_px,
-            1.4 * self.radius_px, self._a, self._b,
+            p.window_min_ms, self._window_ms, p.patch_events_used, p.latency_ms, -p.patch_inward_px, p.patch_length_px,
+            p.patch_half_width_px, 1.4 * self.radius_px, self._a, self._b, self._age,
         )  # fmt: skip
+        self._window_ms = float(window)
         return int(count), float(age)
 
     def _observe_patch(
@@ -213,7 +219,7 @@ class EndTracker:
                 rows.add(row, -pose.omega, 0.01 / np.sqrt(dt_ms))
             return
         self.quiet_ms = 0.0
-        if self.learned < 3:
+        if self.learned < 2:
             return
         match_patch(
             self.log_template, self._a, self._b, count, -p.patch_inward_px, p.patch_half_width_px,
@@ -261,12 +267,12 @@ class EndTracker:
         p = self.params
         n = pose.jacobian.shape[1]
         size = len(x)
-        speed = float(np.hypot(*pose.velocity))
         margin = 12.0
-        if not (margin < pose.place[0] < width - margin and margin < pose.place[1] < height - margin) or speed < 0.3:
+        if not (margin < pose.place[0] < width - margin and margin < pose.place[1] < height - margin):
             return
-        self._window_ms = self._window(pose)
+        self._window_ms = max(p.window_min_ms, min(self._window(pose), p.tip_events_target / max(self.tip_rate, 1.0)))
         count, age = self._tip_histogram(surface, t_us, pose)
+        self.tip_rate = count / self._window_ms
         if count < p.tip_events_min:
             return
         # A tip that was just found lies anywhere between two stations.

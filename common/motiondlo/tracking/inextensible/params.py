@@ -16,6 +16,7 @@ class InextensibleParams(BaseModel):
     station_px: float = Field(12.0, ge=6.0, le=40.0, description="distance of the stations that are observed")
     max_coefficients: int = Field(48, ge=8, le=80, description="most spline coefficients of one DLO")
     held_reach_px: float = Field(24.0, ge=0.0, le=100.0, description="how far a held DLO goes on beyond its seen end")
+    held_report_px: float = Field(7.0, ge=0.0, le=100.0, description="how much of that is published")
     border_reach_px: float = Field(260.0, ge=0.0, le=2000.0, description="how far a DLO goes on beyond the image")
     hidden_reach_px: float = Field(60.0, ge=0.0, le=500.0, description="how far a DLO goes on under a cover")
 
@@ -38,7 +39,7 @@ class InextensibleParams(BaseModel):
     )
     events_target: int = Field(60, ge=5, le=1000, description="events of a station that end its window")
     events_min: int = Field(8, ge=3, le=200, description="fewest events of a station that are matched")
-    quality_min: float = Field(0.25, ge=0.0, le=3.0, description="least mean log-likelihood ratio an event")
+    quality_min: float = Field(0.4, ge=0.0, le=3.0, description="least mean log-likelihood ratio an event")
     ambiguous_velocity: float = Field(0.4, ge=0.0, le=3.0, description="below it the direction is not trusted")
     sigma_floor_px: float = Field(0.6, ge=0.05, le=5.0, description="least standard deviation of a station's offset")
     sigma_age: float = Field(0.05, ge=0.0, le=2.0, description="offset error px per (mean age ms)^2")
@@ -54,6 +55,9 @@ class InextensibleParams(BaseModel):
     noise_speed: float = Field(5.0, ge=0.1, le=50.0, description="speed at which the noise is full")
     noise_memory_ms: float = Field(20.0, ge=0.5, le=1000.0, description="how long the noise outlasts the speed")
     noise_surprise: float = Field(1.5, ge=0.5, le=10.0, description="median squared innovation that doubles the noise")
+    end_surprise: float = Field(
+        4.0, ge=0.5, le=100.0, description="squared innovation of an end that doubles the noise"
+    )
     noise_growth_max: float = Field(30.0, ge=1.0, le=1000.0, description="most that surprise multiplies the noise by")
     correlation_px: float = Field(150.0, ge=20.0, le=1000.0, description="correlation length of the acceleration")
     velocity_decay_ms: float = Field(150.0, ge=5.0, le=10000.0, description="time constant of the rates")
@@ -66,7 +70,9 @@ class InextensibleParams(BaseModel):
     idle_velocity: float = Field(0.3, ge=0.01, le=5.0, description="a silent DLO below this velocity is frozen")
     idle_share: float = Field(0.15, ge=0.0, le=1.0, description="share of stations seen below which a DLO is silent")
     asleep_after_ms: float = Field(25.0, ge=1.0, le=1000.0, description="silence after which a DLO costs nothing")
-    wake_events: int = Field(6, ge=1, le=1000, description="events near a sleeping DLO, per ms, that wake it")
+    wake_events: int = Field(
+        10, ge=1, le=1000, description="events near a sleeping DLO, per ms above twice the background, that wake it"
+    )
 
     # ends
     patch_length_px: float = Field(60.0, ge=20.0, le=200.0, description="patch of a gripper, outward")
@@ -88,7 +94,12 @@ class InextensibleParams(BaseModel):
     end_absent_ms: float = Field(4.0, ge=0.5, le=100.0, description="absence after which an open end is a tip")
     end_found_sigma_px: float = Field(8.0, ge=0.5, le=40.0, description="standard deviation of a tip just found")
     tip_events_min: int = Field(40, ge=5, le=2000, description="fewest events of a tip that are matched")
+    tip_events_target: int = Field(120, ge=10, le=5000, description="events of a tip that end its window")
     tip_learn_rate: float = Field(0.02, ge=0.0, le=0.5, description="learning of a tip's profile an update")
+
+    # late corrections
+    correction_fade_ms: float = Field(10.0, ge=0.1, le=10000.0, description="measured this long, an old error is gone")
+    correction_bias_px: float = Field(1.0, ge=0.0, le=20.0, description="error that all nodes of a correction share")
 
     # honesty
     bias_px: float = Field(0.6, ge=0.0, le=5.0, description="standard deviation of what stations have in common")

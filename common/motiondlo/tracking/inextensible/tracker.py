@@ -2,44 +2,149 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 
+from motiondlo.events.surface import TimeSurface
 from motiondlo.events.types import EventBatch, SensorGeometry
 from motiondlo.rejects import RejectReason
 from motiondlo.tracking.correction_gate import CorrectionGate
-from motiondlo.tracking.inextensible.dlo import InextensibleDlo, PastState
+from motiondlo.tracking.inextensible.dlo import InextensibleDlo
+from motiondlo.tracking.inextensible.late import PastState
+from motiondlo.tracking.inextensible.near_kernels import MASK_BITS, TILE_SHIFT, count_near, mark_tiles
 from motiondlo.tracking.inextensible.params import InextensibleParams
 from motiondlo.tracking.types import Correction, CorrectionKind, TrackUpdate
 
 
 class InextensibleTracker:
-    """Implements :class:`motiondlo.tracking.types.EventTracker`."""
+    """Implements :class:`motiondlo.tracking.types.EventTracker` with curves that cannot stretch."""
 
-    def __init__(self, params: InextensibleParams, geometry: SensorGeometry) -> None:
+    def __init__(self, params: InextensibleParams, geometry: SensorGeometry, timed: bool = False) -> None:
+        """timed: report the host time of each stage with every update."""
         self.params = params
         self.geometry = geometry
-        self.surface = np.full((2, geometry.height_px, geometry.width_px), -(10**12), np.int64)
-        self.dlos: dict[int, InextensibleDlo] = {}
-        self.gate: CorrectionGate[PastState] = CorrectionGate()
-        self.t_us = 0
-        self.t_events_us = -1
+        self._surface = TimeSurface(geometry)
+        self._dlos: dict[int, InextensibleDlo] = {}
+        self._gate: CorrectionGate[PastState] = CorrectionGate()
+        self._t_us = -1
+        self._t_events_us = -1
+        self._timed = timed
+        shape = ((geometry.height_px >> TILE_SHIFT) + 1, (geometry.width_px >> TILE_SHIFT) + 1)
+        self._tiles = np.zeros(shape, np.uint32)
+        self._tiles_stale = True
+        self._counts = np.zeros(MASK_BITS, np.int64)
+
+    def warm_up(self) -> None:
+        """Compile or load all kernels; takes a few seconds without a cache."""
+        from motiondlo.tracking.inextensible.warm_up import run_small_scene
+
+        run_small_scene(self.params)
 
     def correct(self, correction: Correction) -> RejectReason | None:
-        reason = self.gate.admit(correction, self.t_us)
+        """Take a correction (kept until ``not_before_us`` if that lies ahead); a reason if it is refused.
+
+        One that is due at once is judged at once, so that the sender learns whether it is plausible.
+        """
+        now_us = max(self._t_us, 0)
+        reason = self._gate.admit(correction, now_us)
+        if reason is None and correction.not_before_us <= now_us and self._t_us >= 0:
+            before = self._gate.rejects.as_dict()
+            self._apply_due(now_us)
+            after = self._gate.rejects.as_dict()
+            for name, count in after.items():
+                if count > before.get(name, 0):
+                    reason = RejectReason(name)
         return reason
 
     def update(self, batch: EventBatch) -> TrackUpdate:
-        for correction in self.gate.due(batch.t0_us):
-            if correction.kind is CorrectionKind.REINITIALISE:
-                self.dlos[correction.id] = InextensibleDlo(correction, self.params, self.geometry)
-                self.gate.started(correction.id, batch.t0_us)
-                self.gate.absorbed(correction)
-        dt_ms = (batch.t1_us - self.t_us) * 1e-3 if self.t_us else (batch.t1_us - batch.t0_us) * 1e-3
-        e = batch.events
-        self.surface[e["p"], e["y"], e["x"]] = e["t"]
-        if len(e):
-            self.t_events_us = int(e["t"][-1])
-        for dlo in self.dlos.values():
-            dlo.step(self.surface, batch.t1_us, dt_ms)
-        self.t_us = batch.t1_us
-        return TrackUpdate(self.t_us, self.t_events_us, tuple(d.state() for d in self.dlos.values()), events=len(e))
+        """Advance to ``batch.t1_us``. A gap before the batch is bridged by prediction."""
+        clock = time.perf_counter_ns
+        start_ns = clock()
+        self._apply_due(max(batch.t0_us, 0))
+        since_us = batch.t0_us if self._t_us < 0 else min(self._t_us, batch.t0_us)
+        dt_ms = max(batch.t1_us - since_us, 1) * 1e-3
+        events = batch.events
+        self._surface.update(events)
+        if len(events):
+            self._t_events_us = int(events["t"][-1])
+        surface_ns = clock()
+        self._count_near(batch)
+        near_ns = clock()
+        active_pixels = 0
+        for dlo in self._dlos.values():
+            fresh = int(self._counts[dlo.id % MASK_BITS])
+            stirred = dlo.stirred(fresh, dt_ms)
+            if dlo.asleep and not stirred:
+                continue
+            was_frozen = dlo.frozen
+            dlo.step(self._surface.last_us, batch.t1_us, dt_ms)
+            if not dlo.frozen or not was_frozen:
+                self._gate.history(dlo.id).record(batch.t1_us, dlo.past_state())
+                self._tiles_stale = True
+            if dlo.moving:
+                active_pixels += fresh
+        self._t_us = batch.t1_us
+        tracks_ns = clock()
+        tracks = tuple(dlo.state() for dlo in self._dlos.values())
+        stages = {}
+        if self._timed:
+            stages = {
+                "surface": surface_ns - start_ns,
+                "near": near_ns - surface_ns,
+                "tracks": tracks_ns - near_ns,
+                "result": clock() - tracks_ns,
+            }
+        return TrackUpdate(
+            t_us=batch.t1_us,
+            t_events_us=self._t_events_us,
+            tracks=tracks,
+            active_ratio=min(1.0, active_pixels / (self.geometry.width_px * self.geometry.height_px)),
+            events=len(events),
+            stages_ns=stages,
+            rejects=self._gate.rejects.as_dict(),
+        )
+
+    def _count_near(self, batch: EventBatch) -> None:
+        """Events of the batch near every DLO; the tiles are drawn anew where a DLO has moved."""
+        self._counts[:] = 0
+        if not len(batch.events):
+            return
+        if self._tiles_stale:
+            self._tiles[:] = 0
+            for dlo in self._dlos.values():
+                mark_tiles(
+                    dlo.points, dlo.radius_px + 4.0, dlo.id % MASK_BITS, self.geometry.width_px,
+                    self.geometry.height_px, self._tiles,
+                )  # fmt: skip
+            self._tiles_stale = False
+        count_near(batch.events["x"], batch.events["y"], self._tiles, self._counts)
+
+    def _apply_due(self, now_us: int) -> None:
+        for correction in self._gate.due(now_us):
+            if not self._gate.still_valid(correction, now_us):
+                continue
+            if correction.kind is CorrectionKind.RETIRE:
+                self._dlos.pop(correction.id, None)
+                self._gate.retired(correction.id)
+                self._tiles_stale = True
+            elif correction.kind is CorrectionKind.REINITIALISE:
+                self._start(correction, now_us)
+                self._gate.absorbed(correction)
+            else:
+                past = self._gate.history(correction.id).at(correction.t_us)
+                if past is not None and self._dlos[correction.id].blend(correction, past, now_us):
+                    self._gate.absorbed(correction)
+                    self._tiles_stale = True
+                else:
+                    self._gate.rejects.count(RejectReason.IMPLAUSIBLE)
+
+    def _start(self, correction: Correction, now_us: int) -> None:
+        before = self._dlos.get(correction.id)
+        dlo = InextensibleDlo(correction, self.params, self.geometry)
+        dlo.reinitialised = 0 if before is None else before.reinitialised + 1
+        self._dlos[correction.id] = dlo
+        # Corrections for times between the shape's and now speak of the same track.
+        self._gate.started(correction.id, min(correction.t_us, now_us))
+        self._gate.history(correction.id).record(min(correction.t_us, now_us), dlo.past_state())
+        self._tiles_stale = True
