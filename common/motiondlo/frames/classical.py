@@ -31,7 +31,8 @@ def segment_board(board: BoardModel, params: ForegroundParams) -> MaskSet:
     """Foreground of a board comparison, split into cable-wide parts and obstacles."""
     foreground = hysteresis_mask(board, params)
     width = foreground.shape[1]
-    foreground = remove_thin(foreground, params.min_width * width)
+    # A mask may be narrower than the DLO by its soft edges.
+    foreground = remove_thin(foreground, 0.7 * params.min_width * width)
     cables, obstacles = cut_wide(foreground, params.max_width * params.wide_factor * width)
     if not cables.any():
         return MaskSet((), obstacles)

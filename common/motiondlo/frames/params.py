@@ -41,7 +41,7 @@ class ForegroundParams(_Params):
         default=0.11, gt=0.01, le=0.5, description="window of the median that stands for a missing plate, image widths"
     )
     min_width: float = Field(
-        default=0.007, gt=0.0, le=0.1, description="narrowest DLO, share of the image's width (removes text, lines)"
+        default=0.0095, gt=0.0, le=0.1, description="narrowest DLO, share of the image's width (removes text, lines)"
     )
     max_width: float = Field(default=0.04, gt=0.0, le=0.3, description="widest DLO, share of the image's width")
     wide_factor: float = Field(
@@ -117,14 +117,14 @@ class FitParams(_Params):
 class InstanceParams(_Params):
     """What a DLO must look like."""
 
-    min_length: float = Field(default=0.08, gt=0.0, le=1.0, description="shortest DLO, share of the image's width")
+    min_length: float = Field(default=0.1, gt=0.0, le=1.0, description="shortest DLO, share of the image's width")
     min_length_w: float = Field(default=4.5, gt=0.0, le=100.0, description="shortest DLO, its own widths")
     max_width_spread: float = Field(default=0.25, gt=0.0, le=2.0, description="robust spread of the width over width")
     min_mask_share: float = Field(
         default=0.6, ge=0.0, le=1.0, description="share of a measured piece that the cleaned mask must cover"
     )
     max_turn_rad: float = Field(default=2.0, gt=0.1, le=6.3, description="sharpest turn within two widths")
-    min_score: float = Field(default=0.3, ge=0.0, le=1.0, description="instances below are dropped")
+    min_score: float = Field(default=0.45, ge=0.0, le=1.0, description="instances below are dropped")
     max_instances: int = Field(default=16, ge=1, le=200, description="the best so many are kept")
 
 

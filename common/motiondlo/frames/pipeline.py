@@ -127,10 +127,13 @@ def measure_dlos(
     segments: list[Segment] = []
     for chain in chains:
         width = chain.width * scene.board.scale
-        if not least <= width <= most or chain.length < 2.5 * chain.width:
+        # The mask's width is rough; the measured one counts.
+        if not 0.8 * least <= width <= 1.2 * most or chain.length < 2.5 * chain.width:
             continue
         segment = measure_segment(scene, chain, params.fit)
-        if segment is not None and is_plausible(segment, mask, scene.board.scale, params.instance):
+        if segment is None or not least <= segment.width <= most:
+            continue
+        if is_plausible(segment, mask, scene.board.scale, params.instance):
             segments.append(segment)
     times.lap("refine")
     kinds = classify_ends(scene, segments)
