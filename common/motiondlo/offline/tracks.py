@@ -18,6 +18,7 @@ from motiondlo.geometry.curve import resample
 from motiondlo.offline.archive import read_archive
 
 _SOURCE_DTYPE = np.dtype("U9")
+_FARTHEST_PX = 1e6
 _FIELDS = "times_us (T,), nodes (T, M, 2); optional ids, valid, source (T,), sigma_px (T, M)"
 
 
@@ -109,6 +110,8 @@ def make_tracks(
     if source.shape != (rows,) or source.dtype.kind not in "US":
         raise _wrong(name, "source", source, f"({rows},) of strings")
     finite = np.isfinite(nodes).all(axis=(1, 2))
+    # Absurd coordinates stay estimates, and absurd, but their squares must not overflow.
+    nodes = np.clip(nodes, -_FARTHEST_PX, _FARTHEST_PX)
     return Tracks(
         times_us=times_us.astype(np.int64),
         nodes=nodes.astype(np.float32),

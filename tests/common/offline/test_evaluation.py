@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import time
 from dataclasses import replace
 
@@ -191,6 +192,24 @@ def test_json_has_the_documented_keys(make_truth, as_tracks):
     assert documented <= entry.keys()
     assert set(entry["ptc_mm"]) == {"mean", "median", "p95"}
     assert isinstance(entry["e_mm"], float)
+
+
+@pytest.mark.parametrize(
+    "nodes",
+    [
+        np.full((2, 2), 400.0),
+        np.array([[3e38, -3e38], [3e38, 3e38], [0.0, 0.0]]),
+        np.array([[300.0, 100.0], [300.0, 100.0], [696.0, 100.0]]),
+    ],
+    ids=["COLLAPSED", "ABSURD_COORDINATES", "REPEATED_NODE"],
+)
+def test_degenerate_chains_are_judged_without_failure(make_truth, nodes):
+    truth = make_truth(duration_ms=60, hidden_last=5)
+    chains = np.repeat(nodes[None].astype(np.float32), len(truth.times_us), axis=0)
+    zero_sigma = np.zeros(chains.shape[:2], np.float32)
+    document = evaluate(make_tracks(truth.times_us, chains, sigma_px=zero_sigma), truth).as_json()
+    json.dumps(document, allow_nan=False)
+    assert document["moved"][0]["lost_fraction"] > 0.3
 
 
 @pytest.mark.shared_data
