@@ -14,8 +14,8 @@ RETRY_MS = 100
 RETRY_MAX_MS = 500
 WAIT_BEFORE_DROP_US = 500
 EXPRESS_QUEUE = 16
-"""Batches waiting per link (zenoh's largest). An express message fills one of its own, and the default of 2 lost messages
-at 1000 Hz whenever zenoh's sending thread was kept from running for 2 ms."""
+"""Batches waiting per link (zenoh's largest). An express message fills one of its own, and the default of 2 lost
+messages at 1000 Hz whenever zenoh's sending thread was kept from running for 2 ms."""
 
 
 def zenoh_config(config: BusConfig, shared_memory: bool) -> Any:
@@ -53,6 +53,8 @@ def private_config(endpoint: str, listens: bool) -> Any:
             "mode": "peer",
             "listen/endpoints": [endpoint] if listens else [],
             "connect/endpoints": [] if listens else [endpoint],
+            "open/return_conditions/connect_scouted": False,
+            "open/return_conditions/declares": False,
             "scouting/multicast/enabled": False,
             "scouting/gossip/enabled": False,
             "transport/shared_memory/enabled": True,

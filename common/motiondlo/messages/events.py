@@ -93,10 +93,9 @@ class EventBatchMessage(BulkMessage):
             },
         )
 
-    def to_batch(self, lost_before: int | None = None) -> EventBatch:
-        """The batch; ``lost_before`` replaces the sender's count by the reader's own (from sequence gaps)."""
-        lost = self.lost_before if lost_before is None else lost_before
-        return EventBatch(self.t0_us, self.t1_us, self.events, self.triggers, lost)
+    def to_batch(self, lost_on_the_way: int = 0) -> EventBatch:
+        """The batch; to the losses that the sender knows of, the reader adds those it saw as gaps in the sequence."""
+        return EventBatch(self.t0_us, self.t1_us, self.events, self.triggers, self.lost_before + lost_on_the_way)
 
     def small_fields(self) -> dict[str, Any]:
         """All but header and events."""

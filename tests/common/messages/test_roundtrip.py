@@ -134,7 +134,7 @@ def test_a_batch_survives_and_its_events_are_an_aligned_view(n: int) -> None:
     payload = EventBatchMessage.from_batch(batch(n), NOW_NS - 5).to_bytes(STAMP)
     message = EventBatchMessage.from_bytes(payload, EXPECT)
     assert same(message.to_batch(), batch(n))
-    assert message.to_batch(lost_before=9).lost_before == 9
+    assert message.to_batch(lost_on_the_way=9).lost_before == 11
     assert message.n == n
     if n:
         assert message.events.dtype == EVENT_DTYPE

@@ -1,0 +1,93 @@
+"""Other people's programs: with our client, and with zenoh and msgpack alone."""
+
+from __future__ import annotations
+
+import itertools
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from tests.live.bus.conftest import CELL, Process
+
+from motiondlo.bus.config import BusConfig
+from motiondlo.bus.errors import BusError
+from motiondlo.bus.session import open_bus
+from motiondlo.client import StateStale, StateSubscriber
+from motiondlo.topics import STATE
+
+pytestmark = pytest.mark.live
+
+EXAMPLE = Path(__file__).resolve().parents[3] / "examples" / "plain_subscriber.py"
+
+
+def test_the_client_follows_the_state(worker: Callable[..., Process], endpoints: dict[str, str]) -> None:
+    worker("publish", "one", name="state", hz=200)
+    with StateSubscriber(endpoints["one"], CELL) as cell:
+        states = list(itertools.islice(cell, 20))
+        assert [state.mode for state in states] == ["MOTION"] * 20
+        assert not cell.stale
+        assert 0.0 < cell.latency_ms < 100.0
+        asked = cell.last_value()
+        assert asked is not None
+        assert asked.seq >= states[-1].seq
+        (dlo,) = cell.at(states[-1].t_us + 1_000_000)
+        assert dlo.nodes.shape == (50, 2)
+
+
+def test_the_client_reaches_through_one_peer_what_another_sends(
+    worker: Callable[..., Process], endpoints: dict[str, str]
+) -> None:
+    worker("publish", "one", name="state", hz=200)
+    worker("serve", "two")
+    with StateSubscriber(endpoints["two"], CELL) as cell:
+        assert cell.next(timeout_s=5.0).mode == "MOTION"
+
+
+def test_a_gate_lets_clients_in_and_duplicates_nothing_inside(
+    worker: Callable[..., Process], endpoints: dict[str, str]
+) -> None:
+    worker("publish", "one", name="state", hz=200)
+    worker("idle", "three", bus={"mode": "router"})
+    with (
+        StateSubscriber(endpoints["three"], CELL) as cell,
+        open_bus(BusConfig.mesh(CELL, endpoints, "two"), "two") as bus,
+    ):
+        inside = bus.subscriber(STATE)
+        for _ in range(100):
+            assert cell.next(timeout_s=5.0).mode == "MOTION"
+        assert inside.newest() is not None
+        for status in (cell.status(), inside.status()):
+            assert (status.repeated, status.rejected, status.lost) == (0, 0, 0)
+
+
+def test_a_silent_cell_is_stale_and_says_so(worker: Callable[..., Process], endpoints: dict[str, str]) -> None:
+    worker("serve", "one")
+    with StateSubscriber(endpoints["one"], CELL) as cell:
+        with pytest.raises(StateStale, match="fusion"):
+            cell.next(timeout_s=0.1)
+        assert cell.newest() is None
+        assert cell.stale
+        assert cell.last_value(timeout_s=0.2) is None
+        assert cell.at(0) == ()
+
+
+def test_an_absent_cell_is_an_error_that_says_so(endpoints: dict[str, str]) -> None:
+    start = time.monotonic()
+    with (
+        pytest.raises(BusError, match="Is the cell running"),
+        StateSubscriber(endpoints["one"], CELL, open_timeout_s=0.1),
+    ):
+        pass
+    assert time.monotonic() - start < 5.0
+
+
+def test_fifteen_lines_without_our_code_read_the_state(
+    worker: Callable[..., Process], run: Callable[[list[str]], Process], endpoints: dict[str, str]
+) -> None:
+    assert "motiondlo." not in EXAMPLE.read_text()
+    worker("publish", "one", name="state", hz=50)
+    example = run([sys.executable, str(EXAMPLE), endpoints["one"], CELL])
+    t_us, mode, dlo_id, confidence = example.line().split(maxsplit=4)[:4]
+    assert (int(t_us) % 1000, mode, dlo_id, confidence) == (0, "MOTION", "1", "0.90")
