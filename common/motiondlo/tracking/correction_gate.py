@@ -39,10 +39,13 @@ class StateHistory(Generic[State]):
     def record(self, t_us: int, state: State) -> None:
         """Add the state that holds from ``t_us`` on; a state at the newest time replaces it.
 
-        Raises ValueError when ``t_us`` lies before the newest entry.
+        Entries that lie after ``t_us`` are forgotten: they are a first frame's, whose shape started the track before the
+        first events were in, or of a time line that has ended (the camera's clock was set back).
         """
-        if self._times_us and t_us < self._times_us[-1]:
-            raise ValueError(f"history goes back from {self._times_us[-1]} to {t_us} us")
+        while self._times_us and t_us < self._times_us[-1]:
+            self._times_us.pop()
+            self._states.pop()
+            self._first = min(self._first, len(self._times_us))
         if self._times_us and t_us == self._times_us[-1]:
             self._states[-1] = state
             return
