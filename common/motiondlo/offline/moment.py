@@ -48,10 +48,13 @@ def picture_at(recording: Path, tracks: Tracks, truth: GroundTruth, t_us: int) -
 
 def _events_before(recording: Path, t_us: int) -> EventArray:
     """Events of the last 5 ms; none where the recording has no events that can be read."""
+    shown = []
     try:
         for batch in open_events(recording / "events.raw").batches(_SHOWN_US, start_us=max(t_us - _SHOWN_US, 0)):
-            if batch.t1_us >= t_us:
-                return batch.events[batch.events["t"] <= t_us]
+            times_us = batch.events["t"]
+            shown.append(batch.events[(times_us > t_us - _SHOWN_US) & (times_us <= t_us)])
+            if batch.t1_us > t_us:
+                break
     except RecordingError:
         pass
-    return empty_events()
+    return np.concatenate(shown) if shown else empty_events()
