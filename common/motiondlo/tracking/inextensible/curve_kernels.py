@@ -59,20 +59,6 @@ def place_curve(q, stretch, basis, ds_px, anchor, stride, theta, points, jacobia
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def sample_at(points, theta, s_lo_px, ds_px, s_px, out):  # type: ignore[no-untyped-def]
-    """Point and tangent angle at material coordinate ``s_px``, straight beyond the ends. out: (3,) x, y, theta."""
-    samples = points.shape[0]
-    u = (s_px - s_lo_px) / ds_px
-    i = int(np.floor(u))
-    i = min(max(i, 0), samples - 2)
-    f = u - i
-    out[0] = points[i, 0] + f * (points[i + 1, 0] - points[i, 0])
-    out[1] = points[i, 1] + f * (points[i + 1, 1] - points[i, 1])
-    g = min(max(f, 0.0), 1.0)
-    out[2] = theta[i] + g * (theta[i + 1] - theta[i])
-
-
-@numba.njit(cache=True, nogil=True, fastmath=True)
 def acceleration_covariance(jacobian, nodes, precision, floor, out):  # type: ignore[no-untyped-def]
     """Covariance of the pose's acceleration when the nodes accelerate like a smooth random field.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -9,7 +11,7 @@ from motiondlo.events.types import SensorGeometry
 from motiondlo.frames.types import EndKind, FloatArray
 from motiondlo.geometry.curve import arc_length
 from motiondlo.tracking.inextensible.curve_kernels import acceleration_covariance, place_curve
-from motiondlo.tracking.inextensible.ends import EndPose, EndTracker, Rows, end_pose
+from motiondlo.tracking.inextensible.ends import EndPose, EndTracker, Rows
 from motiondlo.tracking.inextensible.filter_kernels import (
     CONSTANTS,
     END_A,
@@ -27,12 +29,20 @@ from motiondlo.tracking.inextensible.profiles import log_ratios, prior_profiles,
 from motiondlo.tracking.inextensible.row_kernels import (
     bend_rows,
     find_end,
-    node_covariances,
     remember_bend,
     station_rows,
     update_support,
 )
 from motiondlo.tracking.inextensible.shape import STRIDE, fit_pose, make_layout
+from motiondlo.tracking.inextensible.step_kernels import (
+    fast_speed,
+    fit_summary,
+    largest_innovation,
+    place_end,
+    prepare_stations,
+    publish_nodes,
+    remember_rates,
+)
 from motiondlo.tracking.types import Correction, TrackSource, TrackState
 
 Int64Array = npt.NDArray[np.int64]
@@ -71,20 +81,20 @@ class InextensibleDlo:
         self.th, self.kappa, self.vn, self.vt, self.omega = (np.zeros(m) for _ in range(5))
         self.h_normal, self.h_stretch = np.zeros((m, n)), np.zeros(m)
         self.sn, self.sv, self.offset, self.sigma, self.age = (np.zeros(m) for _ in range(5))
-        self.quality, self.window, self.contrast, self.nis = (np.zeros(m) for _ in range(4))
+        self.quality, self.window, self.nis = (np.zeros(m) for _ in range(3))
         self.count = np.zeros(m, np.int64)
         self.good = np.zeros(m, np.uint8)
         self.window_max = np.full(m, p.window_max_ms)
         self.band = np.full(m, p.band_px)
-        self.node_cov = np.zeros((m, 3))
         capacity = m + 2 * n + 16
         self.rows = Rows(
             np.zeros((capacity, size)), np.zeros(capacity), np.zeros(capacity), np.zeros(capacity, np.uint8)
         )
         self.residual = np.zeros(capacity)
         self.accel = np.zeros(m)
+        self.active = np.zeros(m, np.uint8)
+        self.vn_past, self.past = np.zeros((4, m)), 0
         self._edge = np.zeros(2)
-        self.vn_past: list[FloatArray] = []
         # look
         self.prior = prior_profiles(s, self.radius_px, correction.appearance, params)
         self.profile = self.prior.copy()
@@ -98,6 +108,7 @@ class InextensibleDlo:
             place = correction.nodes[0 if index == 0 else -1].astype(np.float64)
             self.ends.append(EndTracker(index, correction.ends[index], s_end, params, self.radius_px, place))
         self.end_velocity: list[FloatArray | None] = [None, None]
+        self.end_poses = [EndPose(n) for _ in range(2)]
         # covariance
         field = np.arange(0, m, max(1, round(_FIELD_PX / p.station_px)))
         self.field = np.unique(np.append(field, m - 1)).astype(np.int64)
@@ -171,10 +182,18 @@ class InextensibleDlo:
 
     def _end_pose(self, end: EndTracker, dt_ms: float) -> EndPose:
         offset = float(self.x[2 * self.n + END_A + end.index]) if end.free else 0.0
-        return end_pose(
-            end.index, end.s_px + offset, self.points, self.theta, self.jacobian, self.layout.basis,
-            self.layout.s_lo_px, self.layout.ds_px, STRIDE, self.x, self.end_velocity[end.index], dt_ms,
-        )  # fmt: skip
+        pose = self.end_poses[end.index]
+        layout = self.layout
+        pose.omega = float(place_end(
+            end.s_px + offset, layout.s_lo_px, layout.ds_px, STRIDE, self.points, self.theta, self.jacobian,
+            layout.basis, self.x, pose.place, pose.outward, pose.velocity, pose.jacobian, pose.angle_row,
+        ))  # fmt: skip
+        if end.index == 0:
+            pose.outward *= -1.0
+        before = self.end_velocity[end.index]
+        change = pose.velocity - before if before is not None else np.zeros(2)
+        pose.acceleration = math.hypot(change[0], change[1]) / dt_ms
+        return pose
 
     def end_s_px(self, index: int) -> float:
         """Material coordinate up to which the DLO is believed to exist."""
@@ -194,7 +213,7 @@ class InextensibleDlo:
         p = self.params
         n = self.n
         self.tick += 1
-        speed = float(np.percentile(np.hypot(self.vn, self.vt), 90)) if self.tick > 1 else 0.0
+        speed = float(fast_speed(self.vn, self.vt)) if self.tick > 1 else 0.0
         self.recent_speed = max(speed, self.recent_speed * float(np.exp(-dt_ms / p.noise_memory_ms)))
         speed_drive = self.recent_speed
         scale = p.noise_scale * max(p.noise_rest_share, min(speed_drive / p.noise_speed, 1.5)) * self.noise_factor
@@ -203,13 +222,18 @@ class InextensibleDlo:
         predict(self.x, self.cov, n, dt_ms, decay, self.acceleration_cov, scale, self.constants_q)
         self.place()
         self._stations()
-        active = self._active()
-        self._windows(dt_ms)
+        active = self.active
+        lo_px, hi_px = self._extent()
+        prepare_stations(
+            dt_ms, self.p, self.s_px, self.vn, self.vn_past, self.past, self.sn, lo_px, hi_px, self.geometry.width_px,
+            self.geometry.height_px, p.window_acceleration_px, p.window_travel_px, p.window_min_ms, p.window_max_ms,
+            p.band_px, p.band_max_px, active, self.accel, self.window_max, self.band,
+        )  # fmt: skip
         observe_stations(
             surface, t_us, self.p, self.th, self.kappa, self.vn, self.vt, self.omega, self.sv, self.window_max, self.band,
-            active, self.llr, 0.5 * STRIDE * self.layout.ds_px, p.latency_ms, p.window_min_ms, p.events_target,
+            active, self.llr, 0.0, 0.5 * STRIDE * self.layout.ds_px, p.latency_ms, p.window_min_ms, p.events_target,
             p.events_min, p.ambiguous_velocity, self.offset, self.sigma, self.age, self.count, self.quality,
-            self.window, self.contrast,
+            self.window,
         )  # fmt: skip
         rows = self.rows
         rows.count, self.seen, self.could = station_rows(
@@ -221,9 +245,7 @@ class InextensibleDlo:
         poses = [self._end_pose(end, dt_ms) for end in self.ends]
         for end, pose in zip(self.ends, poses, strict=True):
             end.observe(surface, t_us, dt_ms, pose, self.x, rows, self.geometry.width_px, self.geometry.height_px)
-        end_rows = rows.h[first_end_row : rows.count]
-        spread = np.einsum("ij,jk,ik->i", end_rows, self.cov, end_rows) + 1.0 / rows.w[first_end_row : rows.count]
-        end_nis = rows.z[first_end_row : rows.count] ** 2 / spread
+        end_nis = float(largest_innovation(self.cov, rows.h, rows.z, rows.w, first_end_row, rows.count))
         if self._idle(speed):
             self.x[:n] = before_x[:n]
             self.x[n : 2 * n] = before_x[n : 2 * n] * 0.7
@@ -248,8 +270,8 @@ class InextensibleDlo:
             if self.tick % 2 == 0:
                 self._refresh_acceleration()
             remember_bend(n, self.x, p.bend_memory * dt_ms, self.memory)
-            self._adapt(dt_ms, float(end_nis.max(initial=0.0)))
-            self._learn(surface, t_us, active, dt_ms)
+            self._adapt(dt_ms, end_nis)
+            self._learn(surface, t_us, dt_ms)
         update_support(
             dt_ms, active, self.good, self.count, self.vn, p.events_min, self.alive, self.support, self.absent_ms
         )
@@ -258,37 +280,23 @@ class InextensibleDlo:
             if np.isfinite(end.tip_shift_px) or end.patch_events >= p.patch_events_min:
                 self.end_seen_ms[end.index] += dt_ms
         self._follow_open_ends(surface, t_us, dt_ms)
-        self.vn_past.append(self.vn.copy())
-        del self.vn_past[:-4]
+        self.past = int(remember_rates(self.vn, self.vn_past, self.past))
         for k, pose in enumerate(poses):
-            self.end_velocity[k] = pose.velocity
+            self.end_velocity[k] = pose.velocity.copy()
         self._state = None
 
-    def _active(self) -> npt.NDArray[np.bool_]:
-        open_end = [end.kind is EndKind.BORDER for end in self.ends]
-        lo = -np.inf if open_end[0] else self.end_s_px(0)
-        hi = np.inf if open_end[1] else self.end_s_px(1)
-        x, y = self.p[:, 0], self.p[:, 1]
-        inside = (x > -2) & (y > -2) & (x < self.geometry.width_px + 2) & (y < self.geometry.height_px + 2)
-        half = 0.25 * self.params.station_px
-        within = (self.s_px > lo + half) & (self.s_px < hi - half)
-        for end in self.ends:
-            if end.held:
-                # beside the jaws their edges are nearer than the silhouettes
-                sign = 1.0 if end.index == 0 else -1.0
-                within &= sign * (self.s_px - end.s_px) > 0.5 * self.radius_px
-        return np.asarray(inside & within)
-
-    def _windows(self, dt_ms: float) -> None:
-        p = self.params
-        if len(self.vn_past) >= 4:
-            slope = (self.vn - self.vn_past[-4]) / (4.0 * dt_ms)
-            padded = np.pad(slope, 2, mode="edge")
-            self.accel = np.convolve(padded, [0.1, 0.2, 0.4, 0.2, 0.1], "valid")
-        longest = np.sqrt(p.window_acceleration_px / np.maximum(np.abs(self.accel), 1e-3))
-        travel = p.window_travel_px / np.maximum(np.abs(self.vn), 1e-3)
-        self.window_max = np.clip(np.minimum(longest, travel), 1.5 * p.window_min_ms, p.window_max_ms)
-        self.band = np.clip(p.band_px + 2.0 * self.sn, p.band_px, p.band_max_px)
+    def _extent(self) -> tuple[float, float]:
+        """Material extent of the stations that are looked at."""
+        extent = []
+        for end, sign in zip(self.ends, (1.0, -1.0), strict=True):
+            if end.kind is EndKind.BORDER:
+                extent.append(-sign * np.inf)
+            elif end.held:
+                # Beside the jaws their edges are nearer than the silhouettes.
+                extent.append(end.s_px + sign * 0.5 * self.radius_px)
+            else:
+                extent.append(self.end_s_px(end.index) + sign * 0.25 * self.params.station_px)
+        return extent[0], extent[1]
 
     def _follow_open_ends(self, surface: Int64Array, t_us: int, dt_ms: float) -> None:
         """Let a DLO that came from beyond the image grow as it comes in, and find its end."""
@@ -326,26 +334,22 @@ class InextensibleDlo:
 
     def _adapt(self, dt_ms: float, end_nis: float) -> None:
         p = self.params
-        nis = self.nis[self.good > 0]
-        surprised = len(nis) >= 3 and float(np.median(nis)) > p.noise_surprise
+        seen, median, self.fit_px = fit_summary(self.good, self.nis, self.offset)
+        surprised = seen >= 3 and median > p.noise_surprise
         # What pulls a DLO along itself shows at its ends only.
         if surprised or end_nis > p.end_surprise:
             self.noise_factor = min(self.noise_factor * 2.0**dt_ms, p.noise_growth_max)
         else:
             self.noise_factor = max(1.0, self.noise_factor * 0.93**dt_ms)
-        if len(nis) >= 3:
-            off = self.offset[self.good > 0]
-            self.fit_px = float(np.sqrt(np.mean(off**2)))
 
-    def _learn(self, surface: Int64Array, t_us: int, active: npt.NDArray[np.bool_], dt_ms: float) -> None:
+    def _learn(self, surface: Int64Array, t_us: int, dt_ms: float) -> None:
         p = self.params
         trusted = self.seen > 0.4 * max(self.could, 1)
-        if self.tick % 2 == 0 and self.seen > 4:
-            marked = active & (self.good > 0) & (np.abs(self.vn) > 0.3)
+        if self.seen > 4:
             learn_profiles(
-                surface, t_us, self.p, self.th, self.kappa, self.vn, self.vt, self.omega, self.window, marked,
-                0.5 * STRIDE * self.layout.ds_px, p.latency_ms, p.learn_rate, p.learn_pull, self.floor, self.prior,
-                self.profile, self.llr,
+                surface, t_us, self.p, self.th, self.kappa, self.vn, self.vt, self.omega, self.window, self.good,
+                self.tick % 4, 4, 0.3, 0.5 * STRIDE * self.layout.ds_px, p.latency_ms, p.learn_rate, p.learn_pull,
+                self.floor, self.prior, self.profile, self.llr,
             )  # fmt: skip
         for end in self.ends:
             end.learn(surface, t_us, self._end_pose(end, dt_ms), self.x, trusted)
@@ -442,23 +446,14 @@ class InextensibleDlo:
 
     def _make_state(self) -> TrackState:
         p = self.params
-        s = np.linspace(self.end_s_px(0), self.end_s_px(1), p.output_nodes)
-        samples = self.layout.s_lo_px + np.arange(self.layout.samples) * self.layout.ds_px
-        nodes = np.stack([np.interp(s, samples, self.points[:, c]) for c in range(2)], axis=1)
-        for end_s, sample, sign in ((samples[0], 0, -1.0), (samples[-1], -1, 1.0)):
-            beyond = np.maximum(sign * (s - end_s), 0.0)
-            direction = sign * np.array([np.cos(self.theta[sample]), np.sin(self.theta[sample])])
-            nodes += beyond[:, None] * direction
-        node_covariances(self.cov, self.n, self.jacobian, self.node_cov)
-        cov = np.stack([np.interp(s, self.s_px, self.node_cov[:, c]) for c in range(3)], axis=1)
-        cov[:, 0] += p.bias_px**2
-        cov[:, 2] += p.bias_px**2
-        rates = self.jacobian @ self.x[self.n : 2 * self.n]
-        velocity = np.stack([np.interp(s, self.s_px, rates[:, c]) for c in range(2)], axis=1) * 1000.0
-        visible = (np.interp(s, self.s_px, self.support) > p.visible_support).astype(np.uint8)
-        inside = (nodes >= 0).all(axis=1) & (nodes[:, 0] < self.geometry.width_px)
-        visible[~(inside & (nodes[:, 1] < self.geometry.height_px))] = 0
-        moving = bool(np.hypot(velocity[:, 0], velocity[:, 1]).max() > 100.0) and not self.frozen
+        m = p.output_nodes
+        nodes, velocity, cov, visible = np.empty((m, 2)), np.empty((m, 2)), np.empty((m, 3)), np.empty(m, np.uint8)
+        fastest = publish_nodes(
+            self.end_s_px(0), self.end_s_px(1), self.layout.s_lo_px, self.layout.ds_px, STRIDE, self.points, self.theta,
+            self.jacobian, self.cov, self.x, self.support, p.visible_support, p.bias_px, self.geometry.width_px,
+            self.geometry.height_px, nodes, velocity, cov, visible,
+        )  # fmt: skip
+        moving = bool(fastest > 100.0) and not self.frozen
         return TrackState(
             id=self.id,
             nodes=nodes,
@@ -477,5 +472,5 @@ class InextensibleDlo:
     def confidence(self) -> float:
         """0..1: how much of what should be seen is seen, and how sure the curve is."""
         seen = self.seen / max(self.could, 1) if not self.frozen else 1.0
-        spread = float(np.median(self.sn))
+        spread = float(np.sort(self.sn)[self.m // 2])
         return float(np.clip(0.3 + 0.7 * seen, 0.0, 1.0) / (1.0 + (spread / 6.0) ** 2))

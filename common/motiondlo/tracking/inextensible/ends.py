@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
 from motiondlo.frames.types import EndKind, FloatArray
-from motiondlo.tracking.inextensible.curve_kernels import sample_at
 from motiondlo.tracking.inextensible.end_kernels import (
     collect_patch,
     collect_tip,
@@ -47,24 +48,23 @@ class Rows:
             self.count += 1
 
 
-@dataclass
 class EndPose:
-    """An end of the predicted curve and how it depends on the state."""
+    """An end of the predicted curve and how it depends on the state; filled anew by every update."""
 
-    place: FloatArray
-    """(2,) px."""
-    outward: FloatArray
-    """(2,) unit vector away from the DLO."""
-    velocity: FloatArray
-    """(2,) px/ms."""
-    omega: float
-    """rad/ms."""
-    jacobian: FloatArray
-    """(2, n)."""
-    angle_row: FloatArray
-    """(K,) d theta / d c."""
-    acceleration: float
-    """|px/ms^2| lately."""
+    def __init__(self, n: int) -> None:
+        self.place: FloatArray = np.zeros(2)
+        """(2,) px."""
+        self.outward: FloatArray = np.zeros(2)
+        """(2,) unit vector away from the DLO."""
+        self.velocity: FloatArray = np.zeros(2)
+        """(2,) px/ms."""
+        self.omega = 0.0
+        """rad/ms."""
+        self.jacobian: FloatArray = np.zeros((2, n))
+        self.angle_row: FloatArray = np.zeros(n - 2)
+        """(K,) d theta / d c."""
+        self.acceleration = 0.0
+        """|px/ms^2| lately."""
 
 
 @dataclass
@@ -140,7 +140,7 @@ class EndTracker:
     def learn(self, surface: Int64Array, t_us: int, pose: EndPose, x: FloatArray, trusted: bool) -> None:
         """Learn the patch or the tip's profile at the corrected pose."""
         p = self.params
-        speed = float(np.hypot(*pose.velocity))
+        speed = math.hypot(pose.velocity[0], pose.velocity[1])
         # The first look counts most: what holds the DLO starts from rest, where the pose is known best.
         sure = trusted or self.learned < 8
         if self.held and self.patch_events >= p.patch_events_min and sure and abs(self.shift_px) < 2.5:
@@ -151,7 +151,7 @@ class EndTracker:
                 -p.patch_inward_px, p.patch_half_width_px, rate, 0.3,
             )  # fmt: skip
             self.learned += 1
-        if self.free and trusted and np.isfinite(self.tip_shift_px):
+        if self.free and trusted and math.isfinite(self.tip_shift_px):
             if self.tip_learned > 10 and abs(self.tip_shift_px) > 4.0:
                 return
             count, _ = self._tip_histogram(surface, t_us, pose)
@@ -164,9 +164,10 @@ class EndTracker:
 
     def _window(self, pose: EndPose) -> float:
         p = self.params
-        speed = float(np.hypot(*pose.velocity))
-        longest = np.sqrt(p.window_acceleration_px / max(pose.acceleration, 1e-3))
-        return float(np.clip(4.0 / max(speed, 1e-3), p.window_min_ms, np.clip(longest, 1.5, p.window_max_ms)))
+        speed = math.hypot(pose.velocity[0], pose.velocity[1])
+        longest = math.sqrt(p.window_acceleration_px / max(pose.acceleration, 1e-3))
+        longest = min(max(longest, 1.5), p.window_max_ms)
+        return min(max(4.0 / max(speed, 1e-3), p.window_min_ms), longest)
 
     def _collect(self, surface: Int64Array, t_us: int, pose: EndPose, x: FloatArray) -> tuple[int, float]:
         p = self.params
@@ -213,10 +214,10 @@ class EndTracker:
                 for axis in (pose.outward, across):
                     row = np.zeros(size)
                     row[n : 2 * n] = axis @ pose.jacobian
-                    rows.add(row, -float(axis @ pose.velocity), p.patch_rest_sigma / np.sqrt(dt_ms))
+                    rows.add(row, -float(axis @ pose.velocity), p.patch_rest_sigma / math.sqrt(dt_ms))
                 row = np.zeros(size)
                 row[n + 2 : 2 * n] = pose.angle_row
-                rows.add(row, -pose.omega, 0.01 / np.sqrt(dt_ms))
+                rows.add(row, -pose.omega, 0.01 / math.sqrt(dt_ms))
             return
         self.quiet_ms = 0.0
         if self.learned < 2:
@@ -226,10 +227,10 @@ class EndTracker:
             p.patch_reach_px, p.patch_events_used, self._match,
         )  # fmt: skip
         used = min(count, p.patch_events_used)
-        self.shift_px = float(np.hypot(self._match[0], self._match[1]))
+        self.shift_px = math.hypot(self._match[0], self._match[1])
         if self.shift_px >= p.patch_reach_px or self._match[3] < 0.1:
             return
-        reuse = np.sqrt(max(1.0, self._window_ms / dt_ms))
+        reuse = math.sqrt(max(1.0, self._window_ms / dt_ms))
         for k, axis in enumerate((pose.outward, across)):
             curvature = float(self._match[4 + k]) * used
             if curvature < 0.02:
@@ -239,7 +240,7 @@ class EndTracker:
             row[:n] = (1.0 + ratio) * base
             row[n : 2 * n] = -age * p.age_share * (1.0 + ratio) * base
             row[size - 5 + RATIO_A + self.index] = float(axis @ (pose.place - self.reference))
-            rows.add(row, float(self._match[k]), float(np.hypot(p.patch_sigma_px, 2.0 / np.sqrt(curvature)) * reuse))
+            rows.add(row, float(self._match[k]), math.hypot(p.patch_sigma_px, 2.0 / math.sqrt(curvature)) * reuse)
         if self._match[6] * used > 100.0:
             row = np.zeros(size)
             row[2:n] = pose.angle_row
@@ -287,36 +288,5 @@ class EndTracker:
         row[n : 2 * n] = -age * p.age_share * base
         row[size - 5 + END_A + self.index] = -1.0 if self.index == 0 else 1.0
         reuse = max(1.0, self._window_ms / dt_ms)
-        sigma = float(np.sqrt((p.tip_sigma_px**2 + 4.0 * self._tip[1] ** 2 + (0.2 * age**2) ** 2) * reuse))
+        sigma = float(math.sqrt((p.tip_sigma_px**2 + 4.0 * self._tip[1] ** 2 + (0.2 * age**2) ** 2) * reuse))
         rows.add(row, self.tip_shift_px, sigma, robust=True)
-
-
-def end_pose(
-    index: int, s_px: float, points: FloatArray, theta: FloatArray, jacobian: FloatArray, basis: FloatArray,
-    s_lo_px: float, ds_px: float, stride: int, x: FloatArray, before_velocity: FloatArray | None, dt_ms: float,
-) -> EndPose:  # fmt: skip
-    """The pose of an end at material coordinate ``s_px`` on the placed curve."""
-    n = jacobian.shape[2]
-    out = np.empty(3)
-    sample_at(points, theta, s_lo_px, ds_px, s_px, out)
-    u = (s_px - s_lo_px) / ds_px
-    sample = int(np.clip(round(u), 0, len(basis) - 1))
-    m = min(max(u / stride, 0.0), len(jacobian) - 1.0)
-    i = min(int(m), len(jacobian) - 2)
-    f = m - i
-    jac = (1.0 - f) * jacobian[i] + f * jacobian[i + 1]
-    direction = np.array([np.cos(out[2]), np.sin(out[2])])
-    rates = x[n : 2 * n]
-    velocity = jac @ rates
-    acceleration = 0.0
-    if before_velocity is not None:
-        acceleration = float(np.hypot(*(velocity - before_velocity))) / dt_ms
-    return EndPose(
-        out[:2].copy(),
-        -direction if index == 0 else direction,
-        velocity,
-        float(basis[sample] @ rates[2:]),
-        jac,
-        basis[sample],
-        acceleration,
-    )

@@ -17,26 +17,14 @@ EVENT_CAPACITY = 1500
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def collect_station(  # type: ignore[no-untyped-def]
-    surface,
-    t_us,
-    px,
-    py,
-    theta,
-    kappa,
-    vn,
-    vt,
-    omega,
-    window_ms,
-    reach_px,
-    half_px,
-    latency_ms,
-    d_out,
-    age_out,
-    sign_out,
-):
+    surface, t_us, px, py, theta, kappa, vn, vt, omega, window_ms, reach_px, half_px, latency_ms, enough, enough_ms,
+    d_out, age_out, sign_out,
+):  # fmt: skip
     """Collect the events of one station, moved to now. Returns their number (at most the outputs' length).
 
     surface: (2, H, W) int64 us. reach_px: largest |d| after motion; half_px: half the station's length along t.
+    The station is scanned in every third line along the normal; the lines between only as long as fewer than ``enough``
+    events younger than ``enough_ms`` were found, so that the cost does not grow with the rate of events.
     d_out, age_out: (cap,) float32; sign_out: (cap,) uint8 row of the gradient sign.
     """
     height, width = surface.shape[1], surface.shape[2]
@@ -46,48 +34,61 @@ def collect_station(  # type: ignore[no-untyped-def]
     lo = -reach_px - max(travel, 0.0)
     hi = reach_px - min(travel, 0.0)
     shift = -0.5 * vt * window_ms
-    t_min = t_us - window_ms * 1000.0
+    t_min = np.int64(t_us - window_ms * 1000.0)
     positive = vn >= 0.0
+    capacity = d_out.shape[0]
     count = 0
-    steps_t = int(2.0 * half_px + 0.5)
-    steps_n = int(hi - lo) + 1
-    for a in range(steps_t):
-        along = shift - half_px + a + 0.5
-        bx = px + along * tx + 0.5
-        by = py + along * ty + 0.5
-        for b in range(steps_n):
-            d = lo + b
-            x = int(bx + d * nx)
-            y = int(by + d * ny)
-            if x < 0 or y < 0 or x >= width or y >= height:
-                continue
-            for p in range(2):
-                ts = surface[p, y, x]
-                if ts > t_min and count < d_out.shape[0]:
-                    age = (t_us - ts) * 1e-3
-                    rx, ry = x - px, y - py
-                    tau = rx * tx + ry * ty + vt * age
-                    e = rx * nx + ry * ny + (vn + omega * tau) * (age + latency_ms) - 0.5 * kappa * tau * tau
-                    if abs(e) <= reach_px:
-                        d_out[count] = e
-                        age_out[count] = age
-                        sign_out[count] = 1 if (p == 1) == positive else 0
-                        count += 1
+    young = 0
+    lines = int(2.0 * half_px + 0.5)
+    steps = int(hi - lo) + 1
+    half_kappa = 0.5 * kappa
+    for start in range(3):
+        for a in range(start, lines, 3):
+            along = shift - half_px + a + 0.5
+            fx = px + along * tx + 0.5 + lo * nx
+            fy = py + along * ty + 0.5 + lo * ny
+            for _ in range(steps):
+                x = int(fx)
+                y = int(fy)
+                fx += nx
+                fy += ny
+                if x < 0 or y < 0 or x >= width or y >= height:
+                    continue
+                for p in range(2):
+                    ts = surface[p, y, x]
+                    if ts > t_min and count < capacity:
+                        age = (t_us - ts) * 1e-3
+                        rx, ry = x - px, y - py
+                        tau = rx * tx + ry * ty + vt * age
+                        e = rx * nx + ry * ny + (vn + omega * tau) * (age + latency_ms) - half_kappa * tau * tau
+                        if abs(e) <= reach_px:
+                            d_out[count] = e
+                            age_out[count] = age
+                            sign_out[count] = 1 if (p == 1) == positive else 0
+                            count += 1
+                            if age <= enough_ms:
+                                young += 1
+        if young >= enough:
+            break
     return count
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def score_shift(histogram, llr, shift, flip, pad):  # type: ignore[no-untyped-def]
-    """Log-likelihood of a shift (bins) of a station's profile. histogram: (2, nb), llr: (2, nT), nb = nT + 2 pad."""
-    total = np.float32(0.0)
-    bins = llr.shape[1]
-    for g in range(2):
-        row = 1 - g if flip else g
-        for j in range(bins):
-            c = histogram[g, j + pad + shift]
-            if c > 0:
-                total += c * llr[row, j]
-    return total
+def score_shifts(d, sign, count, llr, reach_bins, pad, flip, scores):  # type: ignore[no-untyped-def]
+    """Log-likelihood of shifts -reach_bins .. reach_bins (half pixels) of a profile, given events at offsets d.
+
+    llr: (2, bins + 2 pad) padded with its value for no known edge; scores: (2 reach_bins + 1,).
+    """
+    width = 2 * reach_bins + 1
+    scores[:width] = 0.0
+    middle = 0.5 * (llr.shape[1] - 1)
+    for k in range(count):
+        row = 1 - sign[k] if flip else sign[k]
+        base = int(d[k] * BINS_PER_PX + middle + 0.5) + reach_bins
+        if base - width + 1 < 0 or base >= llr.shape[1]:
+            continue
+        for s in range(width):
+            scores[s] += llr[row, base - s]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
@@ -105,6 +106,7 @@ def observe_stations(  # type: ignore[no-untyped-def]
     band_px,
     active,
     llr,
+    outside,
     half_px,
     latency_ms,
     window_min_ms,
@@ -117,21 +119,21 @@ def observe_stations(  # type: ignore[no-untyped-def]
     count,
     quality,
     window_ms,
-    contrast,
 ):
     """Offset of every active station along its normal, by maximum likelihood over shifts of its profile.
 
-    llr: (m, 2, nT) float32 log-likelihood ratios against a uniform density. Out, all (m,): offset px, sigma px (0: no
-    measurement), mean age ms, count of events in the window, quality (mean log-likelihood ratio an event), window ms,
-    contrast (log-likelihood lead over the best other peak, per event).
+    llr: (m, 2, nT) float32 log-likelihood ratios against a uniform density; outside: the ratio beyond it. Out, all (m,): offset px, sigma px (0: no
+    measurement), mean age ms, count of events in the window, quality (mean log-likelihood ratio an event), window ms.
     """
     m, _, bins = llr.shape
     band_max = 0.0
     for i in range(m):
         band_max = max(band_max, band_px[i])
-    pad_max = int(band_max * BINS_PER_PX) + 2
-    histogram = np.zeros((2, bins + 2 * pad_max), np.float32)
-    scores = np.zeros(2 * pad_max + 1, np.float32)
+    reach_max = int(band_max * BINS_PER_PX)
+    pad = 2 * reach_max + 4
+    padded = np.zeros((2, bins + 2 * pad), np.float32)
+    scores = np.zeros(2 * reach_max + 1, np.float32)
+    flipped = np.zeros(2 * reach_max + 1, np.float32)
     d_buf = np.empty(EVENT_CAPACITY, np.float32)
     age_buf = np.empty(EVENT_CAPACITY, np.float32)
     sign_buf = np.empty(EVENT_CAPACITY, np.uint8)
@@ -142,15 +144,14 @@ def observe_stations(  # type: ignore[no-untyped-def]
         age[i] = 0.0
         count[i] = 0
         quality[i] = 0.0
-        contrast[i] = 0.0
         window_ms[i] = window_max_ms[i]
         if not active[i]:
             continue
-        pad = int(band_px[i] * BINS_PER_PX) + 2
-        reach = 0.5 * (bins - 1) / BINS_PER_PX + pad / BINS_PER_PX
+        reach_bins = int(band_px[i] * BINS_PER_PX)
+        reach = 0.5 * (bins - 1) / BINS_PER_PX + band_px[i]
         n = collect_station(
             surface, t_us, points[i, 0], points[i, 1], theta[i], kappa[i], vn[i], vt[i], omega[i], window_max_ms[i],
-            reach - 0.5, half_px, latency_ms, d_buf, age_buf, sign_buf,
+            reach, half_px, latency_ms, n_target, window_min_ms, d_buf, age_buf, sign_buf,
         )  # fmt: skip
         ages[:] = 0
         for k in range(n):
@@ -166,55 +167,52 @@ def observe_stations(  # type: ignore[no-untyped-def]
         window_ms[i] = w
         used = 0
         age_sum = 0.0
-        nb = bins + 2 * pad
-        for g in range(2):
-            for b in range(nb):
-                histogram[g, b] = 0.0
-        middle = 0.5 * (nb - 1)
         for k in range(n):
             if age_buf[k] <= w:
-                b = int(d_buf[k] * BINS_PER_PX + middle + 0.5)
-                if 0 <= b < nb:
-                    histogram[sign_buf[k], b] += 1.0
-                    used += 1
-                    age_sum += age_buf[k]
+                d_buf[used] = d_buf[k]
+                sign_buf[used] = sign_buf[k]
+                age_sum += age_buf[k]
+                used += 1
         count[i] = used
         if used < n_min:
             continue
         age[i] = age_sum / used
-        reach_bins = pad - 2
+        for g in range(2):
+            for b in range(bins):
+                padded[g, pad + b] = llr[i, g, b]
+            for b in range(pad):
+                padded[g, b] = outside
+                padded[g, pad + bins + b] = outside
+        score_shifts(d_buf, sign_buf, used, padded, reach_bins, pad, False, scores)
         best = np.float32(-1e9)
-        best_shift = 0
-        best_flip = False
-        flips = 2 if abs(vn[i]) < max(v_ambiguous, 2.0 * sv[i]) else 1
-        soft = 1.0 / (band_px[i] * BINS_PER_PX)
-        for f in range(flips):
-            for s in range(-reach_bins, reach_bins + 1):
-                value = score_shift(histogram, llr[i], s, f == 1, pad) - np.float32(2.0 * (s * soft) ** 2)
-                if f == 0:
-                    scores[s + reach_bins] = value
+        at = 0
+        soft = np.float32(1.0 / (band_px[i] * BINS_PER_PX))
+        for k in range(2 * reach_bins + 1):
+            u = (k - reach_bins) * soft
+            value = scores[k] - np.float32(2.0) * u * u
+            if value > best:
+                best = value
+                at = k
+        chosen = scores
+        if abs(vn[i]) < max(v_ambiguous, 2.0 * sv[i]):
+            score_shifts(d_buf, sign_buf, used, padded, reach_bins, pad, True, flipped)
+            for k in range(2 * reach_bins + 1):
+                u = (k - reach_bins) * soft
+                value = flipped[k] - np.float32(2.0) * u * u
                 if value > best:
                     best = value
-                    best_shift = s
-                    best_flip = f == 1
-        if abs(best_shift) >= reach_bins or best <= 0.0:
+                    at = k
+                    chosen = flipped
+        if at < 2 or at > 2 * reach_bins - 2 or best <= 0.0:
             continue
-        second = np.float32(0.0)
-        for s in range(-reach_bins, reach_bins + 1):
-            if abs(s - best_shift) > 6 and scores[s + reach_bins] > second:
-                second = scores[s + reach_bins]
-        left = score_shift(histogram, llr[i], best_shift - 2, best_flip, pad)
-        centre = score_shift(histogram, llr[i], best_shift, best_flip, pad)
-        right = score_shift(histogram, llr[i], best_shift + 2, best_flip, pad)
-        bend = left - 2.0 * centre + right
+        bend = chosen[at - 2] - np.float32(2.0) * chosen[at] + chosen[at + 2]
         if bend >= -0.3:
             continue
-        fine = (left - right) / bend
+        fine = (chosen[at - 2] - chosen[at + 2]) / bend
         fine = min(max(fine, -1.0), 1.0)
-        offset[i] = (best_shift + fine) / BINS_PER_PX
+        offset[i] = (at - reach_bins + fine) / BINS_PER_PX
         sigma[i] = np.sqrt(-1.0 / bend)
-        quality[i] = centre / used
-        contrast[i] = (best - second) / used
+        quality[i] = chosen[at] / used
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
@@ -228,7 +226,10 @@ def learn_profiles(  # type: ignore[no-untyped-def]
     vt,
     omega,
     window_ms,
-    learn,
+    good,
+    turn,
+    turns,
+    v_min,
     half_px,
     latency_ms,
     rate,
@@ -238,8 +239,9 @@ def learn_profiles(  # type: ignore[no-untyped-def]
     profile,
     llr,
 ):
-    """Move the profiles of the stations marked in ``learn`` towards their events at the corrected curve.
+    """Move the profiles of stations that were seen in motion towards their events at the corrected curve.
 
+    Every update takes every ``turns``-th station, starting with number ``turn``.
     prior, profile: (m, 2, nT) float32 densities (each sums to 1); llr is rewritten for the stations learned.
     """
     m, _, bins = profile.shape
@@ -249,11 +251,11 @@ def learn_profiles(  # type: ignore[no-untyped-def]
     fresh = np.empty((2, bins), np.float32)
     reach = 0.5 * (bins - 1) / BINS_PER_PX
     for i in range(m):
-        if not learn[i]:
+        if i % turns != turn or not good[i] or abs(vn[i]) < v_min:
             continue
         n = collect_station(
             surface, t_us, points[i, 0], points[i, 1], theta[i], kappa[i], vn[i], vt[i], omega[i], window_ms[i],
-            reach, half_px, latency_ms, d_buf, age_buf, sign_buf,
+            reach, half_px, latency_ms, 4 * EVENT_CAPACITY, 0.0, d_buf, age_buf, sign_buf,
         )  # fmt: skip
         if n < 25:
             continue

@@ -46,8 +46,10 @@ class InextensibleParams(BaseModel):
     age_share: float = Field(1.0, ge=0.0, le=2.0, description="share of the mean age modelled in the measurement")
     student_nu: float = Field(4.0, ge=1.0, le=100.0, description="degrees of freedom of the robust weights")
     robust_passes: int = Field(3, ge=1, le=10, description="reweighted solutions an update")
-    learn_rate: float = Field(0.03, ge=0.0, le=0.5, description="profile learning an update")
-    learn_pull: float = Field(0.004, ge=0.0, le=0.5, description="pull of the profile back to the frame's")
+    learn_rate: float = Field(
+        0.06, ge=0.0, le=0.5, description="profile learning; every station takes its turn each fourth update"
+    )
+    learn_pull: float = Field(0.008, ge=0.0, le=0.5, description="pull of the profile back to the frame's")
 
     # dynamics
     noise_scale: float = Field(0.5, ge=1e-3, le=50.0, description="acceleration noise in motion, px^2/ms^3")

@@ -173,23 +173,3 @@ def find_end(  # type: ignore[no-untyped-def]
             present += 1
         k += direction
     return 1 if absent >= 2 and absent > 3 * present else 0
-
-
-@numba.njit(cache=True, nogil=True, fastmath=True)
-def node_covariances(cov, n, jacobian, out):  # type: ignore[no-untyped-def]
-    """Position covariance xx, xy, yy at the stations from the pose's. jacobian (m, 2, n), out (m, 3)."""
-    m = jacobian.shape[0]
-    pose = np.ascontiguousarray(cov[:n, :n])
-    for i in range(m):
-        j = np.ascontiguousarray(jacobian[i])
-        a = j @ pose
-        xx = 0.0
-        xy = 0.0
-        yy = 0.0
-        for k in range(n):
-            xx += a[0, k] * j[0, k]
-            xy += a[0, k] * j[1, k]
-            yy += a[1, k] * j[1, k]
-        out[i, 0] = xx
-        out[i, 1] = xy
-        out[i, 2] = yy
