@@ -22,7 +22,7 @@ from motiondlo.bus.tap import Tap
 from motiondlo.messages.command import CommandAnswer, CommandRequest, Verb
 from motiondlo.messages.header import Message, is_name
 from motiondlo.messages.reject import Expectation
-from motiondlo.topics import ALIVE, Topic, all_keys
+from motiondlo.topics import ALIVE, Delivery, Topic, all_keys
 
 M = TypeVar("M", bound=Message)
 
@@ -49,7 +49,12 @@ class Bus:
         self._token: Any = None
 
     def publisher(self, topic: Topic[M], name: str = "") -> Publisher[M]:
-        """A publisher on ``topic``; ``name`` fills the key of health (this program's own name by default)."""
+        """A publisher on ``topic``; ``name`` fills the key of health (this program's own name by default).
+
+        Raises BusError for a topic that is not published on (liveliness, commands).
+        """
+        if topic.delivery not in (Delivery.NEWEST, Delivery.RELIABLE):
+            raise BusError(f"Nothing is published on {topic.name}.")
         name = name or (self.source if "{name}" in topic.suffix else "")
         if topic.shared_memory and self._shared_memory is None:
             self._shared_memory = SharedMemory(

@@ -63,8 +63,11 @@ def test_states_arrive_whoever_starts_first(worker: Worker, endpoints: dict[str,
         assert (status.rejected, status.repeated) == (0, 0)
 
 
-def test_a_killed_sender_comes_back_and_is_not_mistaken_for_repeats(worker: Worker, endpoints: dict[str, str]) -> None:
-    with open_bus(mesh(endpoints), "test") as bus:
+@pytest.mark.parametrize("reader", ["test", "two"])  # the one that is connected to, and the one that connects
+def test_a_killed_sender_comes_back_and_is_not_mistaken_for_repeats(
+    worker: Worker, endpoints: dict[str, str], reader: str
+) -> None:
+    with open_bus(mesh(endpoints, reader), reader) as bus:
         subscriber, watch = bus.subscriber(STATE), bus.watch_alive()
         first = worker("publish", "one", name="state", hz=200)
         collect(subscriber, lambda found: len(found) >= 20)
