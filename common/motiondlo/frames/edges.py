@@ -25,8 +25,11 @@ ROW_PX = 2.0
 COLUMN_PX = 0.5
 """Distance of samples across it."""
 _WIDTH_FACTORS = np.arange(0.76, 1.29, 0.04)
-_SEARCH_W = 0.45
-"""How far from the curve the centre is looked for, widths."""
+_WIDE_FACTORS = np.arange(0.44, 1.37, 0.04)
+SEARCH_W = 0.45
+"""How far from a skeleton the centre is looked for, widths."""
+_WIDE_SEARCH_W = 0.6
+"""A search wider than this comes with a width that is little known."""
 _STEP_COST = 0.15
 _PEAK_PX = 2.0
 """How far from its place by the common width an edge's peak is looked for."""
@@ -50,20 +53,25 @@ class RefinedCurve:
     """Median 10-90 % width of the edges, px: grows with motion."""
 
 
-def refine_centreline(scene: Scene, path: FloatArray, width_px: float, rounds: int, smooth_w: float) -> RefinedCurve:
+def refine_centreline(
+    scene: Scene, path: FloatArray, width_px: float, rounds: int, smooth_w: float, search_w: float = SEARCH_W
+) -> RefinedCurve:
     """Move a rough centreline to the middle between both edges.
 
     path: (K, 2) image px, smooth, within about half a width of the truth. width_px: rough width. rounds: passes, each
-    on the strip around the last result. smooth_w: smoothing length in widths.
+    on the strip around the last result. smooth_w: smoothing length in widths. search_w: how far from ``path`` the centre
+    may be, widths (in the first pass; the later ones start near it).
     """
     centre = _even(path)
     width = width_px
     result: RefinedCurve | None = None
     for turn in range(max(1, rounds)):
-        strip = sample_strip(scene, centre, 1.15 * width + 6.0, COLUMN_PX)
+        search = search_w if turn == 0 else min(search_w, SEARCH_W)
+        strip = sample_strip(scene, centre, (0.7 + search) * width + 6.0, COLUMN_PX)
         g = edge_strength(strip)
-        width = common_width(g, strip.offsets, width, _WIDTH_FACTORS if turn == 0 else _WIDTH_FACTORS[5:9])
-        rough = centre_path(g, strip.offsets, width)
+        factors = _WIDTH_FACTORS[5:9] if turn else _WIDE_FACTORS if search > _WIDE_SEARCH_W else _WIDTH_FACTORS
+        width = common_width(g, strip.offsets, width, factors, search)
+        rough = centre_path(g, strip.offsets, width, search)
         offset, weight, widths = locate_edges(g, strip.offsets, rough, width)
         both = np.isfinite(widths)
         if int(both.sum()) >= 8:
@@ -89,16 +97,18 @@ def edge_strength(strip: Strip) -> FloatArray:
     return np.asarray(g, dtype=np.float64)
 
 
-def common_width(g: FloatArray, offsets: FloatArray, width: float, factors: FloatArray) -> float:
+def common_width(
+    g: FloatArray, offsets: FloatArray, width: float, factors: FloatArray, search_w: float = SEARCH_W
+) -> float:
     """The width at which pairs of edges are strongest, all rows together."""
     saturated = _saturate(g)
-    scores = [float(_pair_strength(saturated, offsets, width * f)[0].max(axis=1).sum()) for f in factors]
+    scores = [float(_pair_strength(saturated, offsets, width * f, search_w)[0].max(axis=1).sum()) for f in factors]
     return float(width * factors[int(np.argmax(scores))])
 
 
-def centre_path(g: FloatArray, offsets: FloatArray, width: float) -> FloatArray:
+def centre_path(g: FloatArray, offsets: FloatArray, width: float, search_w: float = SEARCH_W) -> FloatArray:
     """Offset of the centre per row, (K,): the smooth path through the strongest pairs of edges (dynamic program)."""
-    pair, candidates = _pair_strength(_saturate(g), offsets, width)
+    pair, candidates = _pair_strength(_saturate(g), offsets, width, search_w)
     column = np.empty(len(pair), np.int64)
     best_path(np.ascontiguousarray(pair), _STEP_COST, column)
     return np.asarray(candidates[column], dtype=np.float64)
@@ -188,10 +198,12 @@ def _saturate(g: FloatArray) -> FloatArray:
     return np.asarray(g / (g + level), dtype=np.float64)
 
 
-def _pair_strength(saturated: FloatArray, offsets: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
+def _pair_strength(
+    saturated: FloatArray, offsets: FloatArray, width: float, search_w: float
+) -> tuple[FloatArray, FloatArray]:
     """(K, C) strength of the pair of edges at ``c`` -+ width / 2 for C candidates; the weaker edge counts double."""
     step = offsets[1] - offsets[0]
-    reach = int(_SEARCH_W * width / step)
+    reach = int(search_w * width / step)
     middle = len(offsets) // 2
     candidates = np.arange(-reach, reach + 1)
     half = 0.5 * width / step

@@ -49,6 +49,21 @@ class ForegroundParams(_Params):
     )
 
 
+class FaintParams(_Params):
+    """Second look for DLOs of the board's own colour."""
+
+    enabled: bool = Field(default=True, description="look a second time where the first look found nothing")
+    threshold: float = Field(default=0.07, gt=0.0, le=1.0, description="least log difference beyond ``level``")
+    noise_factor: float = Field(default=6.0, ge=1.0, le=50.0, description="the same in robust standard deviations")
+    level: float = Field(default=0.05, ge=0.0, le=0.5, description="log brightness that the board itself varies by")
+    margin: float = Field(default=0.02, ge=0.0, le=0.2, description="distance to what was found already, image widths")
+    closing_radius: float = Field(default=0.006, ge=0.0, le=0.05, description="closing over highlights, image widths")
+    min_edge_support: float = Field(default=0.7, ge=0.0, le=1.0, description="share of rows with both edges")
+    max_width_spread: float = Field(default=0.06, gt=0.0, le=1.0, description="robust spread of the width over width")
+    max_edge_blur_px: float = Field(default=3.5, gt=0.5, le=50.0, description="shadows have softer edges, rgb px")
+    min_shading: float = Field(default=0.06, ge=0.0, le=1.0, description="difference of the flanks over the board")
+
+
 class CleaningParams(_Params):
     """Mask cleaning before thinning (paper: disks of 6 and 3 px, holes of 300 px at 2592 x 1944)."""
 
@@ -111,6 +126,7 @@ class FitParams(_Params):
     knot_spacing_w: float = Field(default=1.0, gt=0.1, le=20.0, description="distance of the B-spline's knots")
     refine: bool = Field(default=True, description="sub-pixel centreline from both edges; off: pixel skeleton (paper)")
     refine_rounds: int = Field(default=2, ge=1, le=5, description="passes of the sub-pixel refinement")
+    search_w: float = Field(default=0.45, gt=0.05, le=1.0, description="how far from the skeleton the centre may be")
     smooth_length_w: float = Field(default=0.9, gt=0.05, le=20.0, description="smoothing length of the refined curve")
 
 
@@ -135,6 +151,7 @@ class FrameParams(_Params):
     replay_folder: str = Field(default="", description="replay: folder of mask images, one folder or file per frame")
     check: CheckParams = CheckParams()
     foreground: ForegroundParams = ForegroundParams()
+    faint: FaintParams = FaintParams()
     cleaning: CleaningParams = CleaningParams()
     graph: GraphParams = GraphParams()
     merge: MergeParams = MergeParams()

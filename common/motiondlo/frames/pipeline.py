@@ -13,8 +13,9 @@ from motiondlo.frames.board import BoardModel, model_board
 from motiondlo.frames.checks import FrameFailure, check_frame
 from motiondlo.frames.classical import ClassicalBackend, segment_board
 from motiondlo.frames.colour import Image
+from motiondlo.frames.faint import faint_mask, is_body, taken_mask
 from motiondlo.frames.instances import Dlo, classify_ends, join_segments, make_instance, score_dlo
-from motiondlo.frames.mask_cleaning import adaptive_closing, clean_mask
+from motiondlo.frames.mask_cleaning import adaptive_closing, clean_mask, remove_small
 from motiondlo.frames.masks import Mask, MaskSet, fit_mask, union
 from motiondlo.frames.params import FrameParams
 from motiondlo.frames.segments import Segment, is_plausible, measure_segment
@@ -87,7 +88,13 @@ def segment_frame(
     mask = refined_mask(masks, board, params)
     times.lap("clean")
     chains = mask_to_chains(mask, masks.obstacles, board, params, times)
-    dlos = measure_dlos(scene, chains, mask, params, times)
+    segments = measure_chains(scene, chains, mask, params)
+    times.lap("refine")
+    if params.faint.enabled and isinstance(backend, ClassicalBackend):
+        segments += find_faint(scene, segments, masks.obstacles, params)
+        times.lap("faint")
+    dlos = assemble_dlos(scene, segments, params)
+    times.lap("join")
     sharp = [(score, dlo) for score, dlo in dlos if dlo.edge_blur <= params.check.max_blur_px * board.scale / 2.0]
     instances = tuple(make_instance(scene, dlo, event_from_rgb, score, params) for score, dlo in sharp)
     times.lap("fit")
@@ -118,12 +125,9 @@ def mask_to_chains(
     return chains
 
 
-def measure_dlos(
-    scene: Scene, chains: list[Chain], mask: Mask, params: FrameParams, times: StageTimes
-) -> list[tuple[float, Dlo]]:
-    """Measure chains, join them over gaps, and keep what looks like a DLO, best first."""
-    width_px = scene.size[0]
-    least, most = params.foreground.min_width * width_px, params.foreground.max_width * width_px
+def measure_chains(scene: Scene, chains: list[Chain], mask: Mask, params: FrameParams) -> list[Segment]:
+    """Measured pieces of DLOs; what cannot be one is left out."""
+    least, most = params.foreground.min_width * scene.size[0], params.foreground.max_width * scene.size[0]
     segments: list[Segment] = []
     for chain in chains:
         width = chain.width * scene.board.scale
@@ -135,11 +139,27 @@ def measure_dlos(
             continue
         if is_plausible(segment, mask, scene.board.scale, params.instance):
             segments.append(segment)
-    times.lap("refine")
+    return segments
+
+
+def find_faint(scene: Scene, found: list[Segment], obstacles: Mask | None, params: FrameParams) -> list[Segment]:
+    """Second look, away from what the first one found, for DLOs of the board's own colour."""
+    board = scene.board
+    taken = taken_mask(board.distance.shape, board.scale, found, obstacles)
+    mask = faint_mask(board, taken, params.faint, params.foreground)
+    mask = remove_small(mask, params.cleaning.min_area * mask.size)
+    chains = mask_to_chains(mask, obstacles, board, params, StageTimes())
+    # Mask and shadow are one here, so the centre may be far from the skeleton.
+    wide = params.fit.model_copy(update={"search_w": 0.75})
+    segments = measure_chains(scene, chains, mask, params.model_copy(update={"fit": wide}))
+    return [segment for segment in segments if is_body(scene, segment, params.faint)]
+
+
+def assemble_dlos(scene: Scene, segments: list[Segment], params: FrameParams) -> list[tuple[float, Dlo]]:
+    """Join pieces over gaps, and keep what looks like a DLO, best first."""
     kinds = classify_ends(scene, segments)
     dlos = join_segments(scene, segments, kinds, params)
-    times.lap("join")
-    scored = [(score_dlo(dlo, params), dlo) for dlo in dlos if _is_long(dlo, width_px, params)]
+    scored = [(score_dlo(dlo, params), dlo) for dlo in dlos if _is_long(dlo, scene.size[0], params)]
     good = sorted((item for item in scored if item[0] >= params.instance.min_score), key=lambda item: -item[0])
     return good[: params.instance.max_instances]
 

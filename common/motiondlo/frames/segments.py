@@ -63,7 +63,7 @@ def measure_segment(scene: Scene, chain: Chain, params: FitParams) -> Segment | 
         return None
     smooth = smooth_path(path, params.savgol_window_w * width, params.savgol_order)
     refined = (
-        refine_centreline(scene, smooth, width, params.refine_rounds, params.smooth_length_w)
+        refine_centreline(scene, smooth, width, params.refine_rounds, params.smooth_length_w, params.search_w)
         if params.refine
         else _unrefined(smooth, width)
     )
