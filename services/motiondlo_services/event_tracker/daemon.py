@@ -59,7 +59,7 @@ def serve(shell: Shell, bus: Bus) -> None:
 
 def _batch(message: EventBatchMessage, lost: int) -> EventBatch:
     """The message's batch; what the wire lost adds to what the ingest dropped."""
-    return message.to_batch(lost_before=message.lost_before + lost)
+    return message.to_batch(lost_on_the_way=lost)
 
 
 def main() -> int:

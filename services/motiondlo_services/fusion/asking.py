@@ -24,6 +24,11 @@ class FrameAsker:
         """Ask frame-capture for a frame; it hands it to the segmenter."""
         self._answer = self._pool.submit(self._ask, request, request_id)
 
+    @property
+    def busy(self) -> bool:
+        """The last request has not been answered yet."""
+        return self._answer is not None and not self._answer.done()
+
     def failed(self) -> bool:
         """Whether the last request was refused or not answered; says so once."""
         if self._answer is None or not self._answer.done():

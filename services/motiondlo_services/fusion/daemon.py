@@ -53,8 +53,11 @@ def serve(shell: Shell, bus: Bus) -> None:
             on_track(track)
             now_us = shell.t_us = track.t_us
         for segmentation in segmentations.drain():
-            hold.put(segmentation.to_segmentation(), asked_us.pop(segmentation.request_id, now_us))
-            shell.counts["segmentations"] += 1
+            if segmentation.request_id in asked_us:
+                hold.put(segmentation.to_segmentation(), asked_us.pop(segmentation.request_id))
+                shell.counts["segmentations"] += 1
+            else:
+                shell.counts["segmentations_of_others"] += 1
         for due in hold.due(now_us):
             shell.counts["failed_segmentations"] += int(bool(due.failure))
             _send(corrections, core.on_segmentation(due, now_us), shell)

@@ -9,6 +9,8 @@ from __future__ import annotations
 import ctypes
 import gc
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 
 from motiondlo_services.processes import Process, Scheduling
 
@@ -20,6 +22,7 @@ ONE_THREAD = {
     "NUMBA_NUM_THREADS": "1",
 }
 
+_SUBSCRIBER_PRIORITY = 30
 _MCL_CURRENT = 1
 _MCL_FUTURE = 2
 
@@ -37,6 +40,21 @@ def use_scheduling(process: Process) -> str:
     except PermissionError:
         return f"other {os.nice(0)} (nice {process.nice} not permitted)"
     return f"other {process.nice}"
+
+
+@contextmanager
+def use_subscriber_scheduling() -> Iterator[None]:
+    """Receive as a robot's gateway would: under SCHED_FIFO where it is permitted, below the event path.
+
+    Child processes do not inherit it.
+    """
+    with suppress(OSError):
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(_SUBSCRIBER_PRIORITY))
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
 def lock_memory() -> bool:

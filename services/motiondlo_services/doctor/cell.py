@@ -1,0 +1,133 @@
+"""The cell: its configuration, recording, calibration, segmenter, endpoints."""
+
+from __future__ import annotations
+
+import socket
+from pathlib import Path
+
+import numpy as np
+
+from motiondlo.config.cell import Cell
+from motiondlo.errors import MotionDLOError
+from motiondlo.events.reader import open_events
+from motiondlo.frames.backend import create_backend
+from motiondlo.geometry.homography import warp_points
+from motiondlo_services.cell_config import bus_section, check_configuration
+from motiondlo_services.doctor.findings import Finding, failure, ok, warning
+from motiondlo_services.runtime.bus_section import BusSection
+from motiondlo_services.segmenter.config import SegmenterConfig
+
+
+def check_cell(path: Path) -> list[Finding]:
+    """Every finding about the cell of a configuration file."""
+    try:
+        cell = check_configuration(path)
+    except MotionDLOError as error:
+        return [failure("configuration", error.what, error.what_to_do)]
+    findings = [ok("configuration", f"{path}: every section is valid")]
+    findings += _recording(cell)
+    findings += [_homography(cell), _background(cell), _scale(cell), _segmenter(cell)]
+    findings += _endpoints(bus_section(path))
+    return findings
+
+
+def _recording(cell: Cell) -> list[Finding]:
+    try:
+        recording = cell.recording()
+        if recording is None:
+            return [
+                failure(
+                    "source",
+                    "[replay] recording is empty, and this version has no camera drivers",
+                    "Name a recording to play.",
+                )
+            ]
+        events = open_events(recording.events_path)
+    except MotionDLOError as error:
+        return [failure("recording", error.what, error.what_to_do)]
+    findings = [ok("recording", f"{recording.name}: {events.format}, {len(recording.frames)} frames with triggers")]
+    if (events.geometry.width_px, events.geometry.height_px) != (cell.geometry.width_px, cell.geometry.height_px):
+        findings.append(
+            failure(
+                "sensor size",
+                f"[calibration] says {cell.geometry.width_px}x{cell.geometry.height_px}, the recording "
+                f"{events.geometry.width_px}x{events.geometry.height_px}",
+                "Correct sensor_width_px and sensor_height_px.",
+            )
+        )
+    for reason, count in recording.rejects.items():
+        findings.append(
+            warning("frames", f"{count} x {reason.value}", "The event branch goes on without them; see manifest.json.")
+        )
+    return findings
+
+
+def _homography(cell: Cell) -> Finding:
+    try:
+        matrix = cell.event_from_rgb()
+    except MotionDLOError as error:
+        return failure("homography", error.what, error.what_to_do)
+    corners = np.array([[0.0, 0.0], [cell.geometry.width_px, 0.0], [0.0, cell.geometry.height_px]])
+    seen = warp_points(corners, np.asarray(np.linalg.inv(matrix), dtype=np.float64))
+    if not np.isfinite(seen).all() or abs(np.linalg.det(np.diff(seen, axis=0))) < 1.0:
+        return failure("homography", "maps the event image onto next to nothing", "Calibrate it again.")
+    return ok("homography", "event_from_rgb can be inverted")
+
+
+def _background(cell: Cell) -> Finding:
+    try:
+        image = cell.background()
+    except MotionDLOError as error:
+        return failure("background", error.what, error.what_to_do)
+    if image is None:
+        return warning(
+            "background", "no picture of the empty board", "Take one: the classical segmenter is better with it."
+        )
+    return ok("background", f"{image.shape[1]}x{image.shape[0]} px")
+
+
+def _scale(cell: Cell) -> Finding:
+    px_per_mm = cell.px_per_mm()
+    if px_per_mm is None:
+        return warning("scale", "px_per_mm is not known", "Set [calibration] px_per_mm to have nodes_mm in the state.")
+    return ok("scale", f"{px_per_mm:.3f} px/mm")
+
+
+def _segmenter(cell: Cell) -> Finding:
+    from motiondlo.config.loader import load_section
+
+    try:
+        backend = create_backend(load_section(cell.path, "segmenter", SegmenterConfig))
+    except MotionDLOError as error:
+        return failure("segmenter", error.what, error.what_to_do)
+    return ok("segmenter", f"backend {backend.name}")
+
+
+def _endpoints(section: BusSection) -> list[Finding]:
+    findings = []
+    for daemon, endpoint in section.all_endpoints().items():
+        protocol, _, address = endpoint.partition("/")
+        host, _, port = address.rpartition(":")
+        if protocol not in ("tcp", "tls") or not port.isdigit():
+            continue
+        if host not in ("127.0.0.1", "localhost", "[::1]"):
+            findings.append(
+                warning(
+                    "endpoints",
+                    f"{daemon} listens on {endpoint}, beyond this host",
+                    "Keep daemons on loopback; let others in through a gate with access control.",
+                )
+            )
+        with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((host.strip("[]"), int(port)))
+            except OSError:
+                findings.append(
+                    warning(
+                        "endpoints",
+                        f"{daemon}: {endpoint} is in use",
+                        "Fine if the cell is running; otherwise set [bus] first_port.",
+                    )
+                )
+    return findings or [ok("endpoints", "all free, all on loopback")]

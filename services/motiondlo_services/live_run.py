@@ -1,0 +1,184 @@
+"""Play a recording through all the real daemons and collect what a subscriber sees."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import psutil
+
+from motiondlo.bus.session import Bus, open_bus
+from motiondlo.errors import MotionDLOError
+from motiondlo.fusion.state import FrameRequest
+from motiondlo.messages.health import HealthMessage
+from motiondlo.messages.state import StateMessage
+from motiondlo.topics import HEALTH, STATE
+from motiondlo_services.cell_config import bus_section, check_configuration
+from motiondlo_services.fusion.asking import FrameAsker
+from motiondlo_services.processes import PROCESSES
+from motiondlo_services.supervisor import Supervisor
+
+_AFTER_S = 0.3
+"""States of the last batches are still on their way when the ingest has finished."""
+_WAIT_S = 0.02
+_CPU_PERIOD_S = 0.25
+_LOAD_PERIOD_S = 0.05
+
+
+@dataclass
+class LiveRun:
+    """What was seen from outside while a recording was played."""
+
+    states: list[StateMessage] = field(default_factory=list)
+    latency_ns: list[int] = field(default_factory=list)
+    """Per state that rests on a new batch: from the newest event's entry into the system to its arrival here."""
+    lost_states: int = 0
+    health: dict[str, HealthMessage] = field(default_factory=dict)
+    """The last health message of each daemon."""
+    cpu: dict[str, float] = field(default_factory=dict)
+    """Processor seconds per second of play, per daemon."""
+    restarts: dict[str, int] = field(default_factory=dict)
+    events: list[str] = field(default_factory=list)
+    """What the supervisor said."""
+
+    @property
+    def dropped_batches(self) -> int:
+        """Batches that never reached the tracker: dropped by the ingest, or lost on the way."""
+        tracker = self.health.get("event-tracker")
+        return 0 if tracker is None else int(tracker.info.get("lost_batches", 0))
+
+    @property
+    def merged_batches(self) -> int:
+        """Batches that shared an update with others because the tracker was behind."""
+        tracker = self.health.get("event-tracker")
+        return 0 if tracker is None else int(tracker.info.get("merged_batches", 0))
+
+
+def free_first_port() -> int:
+    """A port such that it and the following ones, one per daemon, are free on loopback now."""
+    for _ in range(100):
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            first = int(probe.getsockname()[1])
+        if first + len(PROCESSES) < 65_000 and all(_is_free(first + k) for k in range(len(PROCESSES))):
+            return first
+    raise MotionDLOError("No run of free ports on loopback.", "End programs that listen on many ports.")
+
+
+def _is_free(port: int) -> bool:
+    with socket.socket() as probe:
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+    return True
+
+
+def play(
+    config: Path,
+    on_state: Callable[[StateMessage], None] | None = None,
+    segmenter_load: bool = False,
+    time_limit_s: float = 600.0,
+    on_step: Callable[[Supervisor, LiveRun], None] | None = None,
+) -> LiveRun:
+    """Start the cell of ``config``, play its recording to the end, stop the cell.
+
+    segmenter_load: keep the segmenter busy with one frame after the other all the time. on_step is called about 50
+    times a second (fault injection). Raises MotionDLOError when it does not end within ``time_limit_s``.
+    """
+    cell = check_configuration(config)
+    section = bus_section(config)
+    supervisor = Supervisor(config.resolve(), PROCESSES)
+    run = LiveRun()
+    deadline_s = time.monotonic() + time_limit_s
+    client = section.of_client(cell.cell.name)
+    with open_bus(client, "live-run") as bus:
+        states = bus.subscriber(STATE, queue=100_000)
+        health = bus.subscriber(HEALTH)
+        load = _SegmenterLoad(bus) if segmenter_load else None
+        cpu = _CpuMeter()
+        end_s = float("inf")
+        try:
+            while time.monotonic() < min(end_s, deadline_s):
+                run.events += supervisor.step(time.monotonic())
+                if on_step is not None:
+                    on_step(supervisor, run)
+                bus.wait(_WAIT_S, states, health)
+                for state in states.drain():
+                    _note(run, state)
+                    if on_state is not None:
+                        on_state(state)
+                for message in health.drain():
+                    run.health[message.daemon] = message
+                now_s = time.monotonic()
+                if load is not None and run.states:
+                    load.step(now_s)
+                cpu.step(run, supervisor, now_s)
+                if supervisor.children["event-ingest"].finished and end_s == float("inf"):
+                    end_s = time.monotonic() + _AFTER_S
+        finally:
+            run.events += [f"{name} had to be killed" for name in supervisor.stop()]
+            if load is not None:
+                load.close()
+            run.lost_states = states.status().lost
+    run.restarts = {name: child.restarts for name, child in supervisor.children.items()}
+    if end_s == float("inf"):
+        raise MotionDLOError(
+            f"The recording did not end within {time_limit_s:.0f} s.", "; ".join(run.events[-3:]) or "See the logs."
+        )
+    return run
+
+
+def _note(run: LiveRun, state: StateMessage) -> None:
+    now_ns = time.monotonic_ns()
+    if state.t_ingest_ns and (not run.states or run.states[-1].t_ingest_ns != state.t_ingest_ns):
+        run.latency_ns.append(now_ns - state.t_ingest_ns)
+    run.states.append(state)
+
+
+class _CpuMeter:
+    """Processor time per daemon since the first state, so that starting up does not count."""
+
+    def __init__(self) -> None:
+        self._start: dict[tuple[str, int], tuple[float, float]] = {}
+        self._next_s = 0.0
+
+    def step(self, run: LiveRun, supervisor: Supervisor, now_s: float) -> None:
+        """Look, a few times a second."""
+        if not run.states or now_s < self._next_s:
+            return
+        self._next_s = now_s + _CPU_PERIOD_S
+        for name, child in supervisor.children.items():
+            if child.pid is None:
+                continue
+            with suppress(psutil.Error):
+                times = psutil.Process(child.pid).cpu_times()
+                used_s = times.user + times.system
+                start_s, start_used_s = self._start.setdefault((name, child.pid), (now_s, used_s))
+                if now_s > start_s:
+                    run.cpu[name] = (used_s - start_used_s) / (now_s - start_s)
+
+
+class _SegmenterLoad:
+    """Hands the segmenter frame after frame, faster than it can work; fusion ignores what it did not ask for."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._asker = FrameAsker(bus)
+        self._asked = 0
+        self._next_s = 0.0
+
+    def step(self, now_s: float) -> None:
+        """Ask when it is time."""
+        if now_s < self._next_s or self._asker.busy:
+            return
+        self._next_s = now_s + _LOAD_PERIOD_S
+        self._asker.ask(FrameRequest("load", -1), f"load-{self._asked}")
+        self._asked += 1
+
+    def close(self) -> None:
+        """Stop asking."""
+        self._asker.close()
