@@ -327,7 +327,7 @@ class InextensibleDlo:
         p = self.params
         quiet = self.seen < p.idle_share * max(self.could, 1)
         moved = any(
-            end.held and end.patch_events >= p.patch_events_min and (end.shift_px > 1.0 or end.learned < 2)
+            end.held and end.stirred and end.patch_events >= p.patch_events_min and (end.shift_px > 1.0 or end.learned < 2)
             for end in self.ends
         )
         return quiet and speed < 2.0 * p.idle_velocity and not moved

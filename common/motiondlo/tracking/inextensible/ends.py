@@ -88,6 +88,10 @@ class EndTracker:
     patch_events: int = 0
     tip_rate: float = 0.0
     """Events of the tip per ms, lately."""
+    background: float = -1.0
+    """Events per ms in the patch at rest; -1 before the first look."""
+    stirred: bool = False
+    """The patch has clearly more events than at rest."""
     quiet_ms: float = 0.0
     shift_px: float = 0.0
     tip_shift_px: float = float("nan")
@@ -142,7 +146,7 @@ class EndTracker:
         p = self.params
         speed = math.hypot(pose.velocity[0], pose.velocity[1])
         # The first look counts most: what holds the DLO starts from rest, where the pose is known best.
-        sure = trusted or self.learned < 8
+        sure = trusted or (self.learned < 8 and self.stirred)
         if self.held and self.patch_events >= p.patch_events_min and sure and abs(self.shift_px) < 2.5:
             count, _ = self._collect(surface, t_us, pose, x)
             rate = max(p.patch_learn_rate if speed > 0.5 else 0.3 * p.patch_learn_rate, 1.0 / (self.learned + 1))
@@ -161,6 +165,14 @@ class EndTracker:
                 self.tip_learned += 1
                 rate = max(p.tip_learn_rate, 0.3 / self.tip_learned)
                 self.tip_profile += rate * (target - self.tip_profile)
+
+    def _follow_background(self, rate: float, speed: float, dt_ms: float) -> None:
+        """What passes under or beside a gripper at rest (a belt, flicker) is not the gripper's motion."""
+        if self.background < 0.0:
+            self.background = rate
+        self.stirred = rate > 2.0 * self.background + 0.125 * self.params.patch_events_min
+        if self.learned == 0 and speed < 0.1 and not self.stirred:
+            self.background += 0.05 * dt_ms * (rate - self.background)
 
     def _window(self, pose: EndPose) -> float:
         p = self.params
@@ -204,6 +216,7 @@ class EndTracker:
             return
         count, age = self._collect(surface, t_us, pose, x)
         self.patch_events = count
+        self._follow_background(count / self._window_ms, math.hypot(pose.velocity[0], pose.velocity[1]), dt_ms)
         across = np.array([-pose.outward[1], pose.outward[0]])
         ratio = float(x[size - 5 + RATIO_A + self.index])
         centre = pose.place + 0.4 * p.patch_length_px * pose.outward
