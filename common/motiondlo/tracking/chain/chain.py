@@ -62,7 +62,11 @@ class Chain:
         nodes = np.asarray(correction.nodes, dtype=np.float64)
         length = float(arc_length(nodes)[-1])
         self.length_px = length
-        before, after = (self._extension(kind) for kind in correction.ends)
+        self.centre = np.array([self.geometry.width_px / 2.0, self.geometry.height_px / 2.0])
+        before, after = (
+            self._extension(kind, nodes if k == 0 else nodes[::-1]) for k, kind in enumerate(correction.ends)
+        )
+        self._covered = (before, after)
         line = self._extended(nodes, before, after)
         total = length + before + after
         spans = int(np.clip(round(total / p.knot_px), 4, p.max_nodes - 3))
@@ -70,7 +74,7 @@ class Chain:
         self.span_px = total / spans
         self.stretch = self.span_px
         C = fit(line, total, K)
-        n = 4 * K + 2 * EXTRAS_PER_END
+        n = 4 * K + 2 * EXTRAS_PER_END + 1
         self.x = np.zeros(n)
         self.x[:K], self.x[K : 2 * K] = C[:, 0], C[:, 1]
         self.u_first = before / self.span_px
@@ -106,6 +110,7 @@ class Chain:
         self.g = np.zeros((S, 10))
         self.out = np.zeros((S, 8))
         self.nis = np.zeros(S)
+        self.exists = np.ones(S, np.bool_)
         self.use = np.zeros(S, np.bool_)
         self.accel = np.zeros(S)
         self.cov_p = np.zeros((S, 3))
@@ -119,7 +124,6 @@ class Chain:
         self.own = np.zeros(K)
         filter_kernels.bends(self.x, K, self.own)
         self._bend_now = np.zeros(K)
-        self.centre = np.array([self.geometry.width_px / 2.0, self.geometry.height_px / 2.0])
         look = correction.appearance
         self.ends = tuple(
             End(correction.ends[k], k, look, length, self.radius_px, (self.u_first, self.u_last)[k]) for k in (0, 1)
@@ -129,10 +133,16 @@ class Chain:
         filter_kernels.place(self.x, K, self.j0, self.w, self.w1, self.w2, self.g)
         self._look_inside()
 
-    def _extension(self, kind: EndKind) -> float:
+    def _extension(self, kind: EndKind, nodes: FloatArray) -> float:
+        """How far the DLO goes on, unseen, past the first of ``nodes``."""
+        p = self.params
         if kind is EndKind.HELD:
-            return self.params.held_extension_px
-        return self.params.border_extension_px if kind is EndKind.BORDER else 0.0
+            # A gripper is higher than the DLO and so is shifted outwards in the image, over the DLO or away from it.
+            inward = nodes[min(5, len(nodes) - 1)] - nodes[0]
+            over = float((nodes[0] - self.centre) @ inward) / max(float(np.hypot(*inward)), 1e-9)
+            cover = p.held_cover * self.diameter_px + p.height_ratio * over
+            return float(np.clip(cover, 0.0, p.held_cover_max_px))
+        return p.border_extension_px if kind is EndKind.BORDER else 0.0
 
     def _extended(self, nodes: FloatArray, before: float, after: float) -> FloatArray:
         chord = max(2, round(len(nodes) * 30.0 / max(self.length_px, 1.0)))
@@ -172,14 +182,13 @@ class Chain:
             e = 4 * K + EXTRAS_PER_END * end.which
             self.x[e : e + 3], variance = end.prior(p)
             P[e : e + 3, e : e + 3] = np.diag(variance)
+        P[-1, -1] = p.scale_sigma**2
         self.P = P
 
     def _place_output(self) -> None:
-        p = self.params
-        first = (
-            self.u_first - (self.params.held_extension_px if self.ends_kind[0] is EndKind.HELD else 0) / self.span_px
-        )
-        last = self.u_last + (self.params.held_extension_px if self.ends_kind[1] is EndKind.HELD else 0) / self.span_px
+        held = [end.kind is EndKind.HELD for end in self.ends]
+        first = self.u_first - held[0] * self._covered[0] / self.span_px
+        last = self.u_last + held[1] * self._covered[1] / self.span_px
         self.output_u = np.linspace(max(first, 0.0), min(last, self.u_end), self.params.output_nodes)
         self.oj0, self.ow, self.ow1, self.ow2 = weights(self.output_u, self.K)
         self.og = np.zeros((self.params.output_nodes, 10))
@@ -205,6 +214,7 @@ class Chain:
         filter_kernels.predict(
             x, P, K, dt_ms, float(np.exp(-dt_ms / p.velocity_decay_ms)), self.kernel, p.accel_noise * scale
         )
+        P[-1, -1] += (p.scale_noise * min(speed, 1.0)) ** 2 * dt_ms
         filter_kernels.limit_velocity_variance(P, K, 9.0)
         filter_kernels.place(x, K, self.j0, self.w, self.w1, self.w2, g)
         filter_kernels.place_covariance(P, K, self.j0, self.w, self.cov_p, False)
@@ -215,7 +225,7 @@ class Chain:
         band = np.clip(2.5 * sigma_n + p.band_px, p.band_px, p.band_max_px)
         vn = g[:, 6].copy()
         self.accel[:] = (vn - self._vn_past[0]) / (4.0 * dt_ms)
-        active = self.inside
+        active = self.inside & self.exists
         out = self.out
         profile_kernels.match_profiles(
             last, t_us, p.latency_us * 1e-3, g, sigma_v, self.accel, band, active, self.table, _LINES, _LINE_PX,
@@ -261,6 +271,7 @@ class Chain:
             self.table,
         )
         self._rest(dt_ms, speed)
+        self._follow_into_view(last, t_us)
         for end in self.ends:
             end.measure(last, t_us, dt_ms, x, P, K, self.centre, p, self._Ph, self._scratch)
         filter_kernels.keep_length(x, P, K, self.lj0, self.lw1, self.stretch, p.length_sigma_px**2 / dt_ms, self._Ph)
@@ -271,6 +282,34 @@ class Chain:
         filter_kernels.place(x, K, self.j0, self.w, self.w1, self.w2, g)
         self._vn_past[:-1] = self._vn_past[1:]
         self._vn_past[-1] = g[:, 6]
+
+    def _follow_into_view(self, last: npt.NDArray[np.int64], t_us: int) -> None:
+        """Where the DLO came in from beyond the image: what is supported exists, and at some place it ends."""
+        p = self.params
+        for k, end in enumerate(self.ends):
+            if end.kind is not EndKind.BORDER:
+                continue
+            step = 1 if k == 1 else -1
+            edge = self.u_last if k == 1 else self.u_first
+            ahead = np.flatnonzero((self.station_u - edge) * step > 0.0)[::step]
+            for s in ahead:
+                if not (self.inside[s] and self.use[s] and self.nis[s] < 9.0):
+                    break
+                edge = float(self.station_u[s])
+            if edge != (self.u_last if k == 1 else self.u_first):
+                self._set_edge(k, edge)
+            if np.hypot(*self.g[-k, 4:6]) > 0.4 and end.look_for_tip(
+                edge, last, t_us, self.x, self.P, self.K, p, self._scratch
+            ):
+                self._set_edge(k, end.u)
+                self.exists &= (self.station_u - end.u) * step < 0.0
+
+    def _set_edge(self, k: int, u: float) -> None:
+        if k == 1:
+            self.u_last = u
+        else:
+            self.u_first = u
+        self._place_output()
 
     def _adapt(self, dt_ms: float, use: npt.NDArray[np.bool_]) -> None:
         seen = self.nis[self.nis > 0.0]

@@ -231,9 +231,15 @@ def rest_normals(x: F8, P: F8, K: int, j0: I8, w: F8, geometry: F8, mask: B1, R:
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def keep_length(x: F8, P: F8, K: int, j0: I8, w1: F8, stretch: float, R: float, Ph: F8) -> None:
-    """Soft inextensibility at S places: ``stretch`` px per unit of u."""
-    index = np.empty(8, np.int64)
-    h = np.empty(8)
+    """Soft inextensibility at S places: ``stretch`` px per unit of u, times one plus the last state.
+
+    That state is the common scale: perspective and height change a length in pixels by up to a percent.
+    """
+    index = np.empty(9, np.int64)
+    h = np.empty(9)
+    last = x.shape[0] - 1
+    index[8] = last
+    h[8] = -stretch
     for s in range(j0.shape[0]):
         dx = 0.0
         dy = 0.0
@@ -246,7 +252,7 @@ def keep_length(x: F8, P: F8, K: int, j0: I8, w1: F8, stretch: float, R: float, 
             index[4 + a] = K + j0[s] + a
             h[a] = w1[s, a] * dx / length
             h[4 + a] = w1[s, a] * dy / length
-        update(x, P, index, h, 8, stretch - length, R, Ph)
+        update(x, P, index, h, 9, stretch * (1.0 + x[last]) - length, R, Ph)
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)

@@ -17,7 +17,10 @@ class ChainParams(BaseModel):
     knot_px: float = Field(48.0, ge=16.0, le=160.0, description="distance of the filter's control nodes along the arc")
     station_px: float = Field(24.0, ge=8.0, le=80.0, description="distance of the places where events are searched")
     max_nodes: int = Field(48, ge=12, le=96, description="most control nodes; longer chains get wider distances")
-    held_extension_px: float = Field(30.0, ge=0.0, le=100.0, description="chain continued into what holds an end")
+    held_cover: float = Field(
+        0.4, ge=0.0, le=3.0, description="diameters of the DLO that a gripper covers seen from above"
+    )
+    held_cover_max_px: float = Field(45.0, ge=0.0, le=200.0, description="most that the chain goes on under a gripper")
     border_extension_px: float = Field(180.0, ge=0.0, le=600.0, description="chain continued beyond the image border")
 
     # events
@@ -45,12 +48,16 @@ class ChainParams(BaseModel):
     accel_length_px: float = Field(200.0, ge=30.0, le=2000.0, description="arc length over which accelerations agree")
     velocity_decay_ms: float = Field(80.0, ge=5.0, le=2000.0, description="time constant of velocities without data")
     length_sigma_px: float = Field(0.4, gt=0.0, le=10.0, description="stretch of one node distance, per sqrt(ms)")
+    scale_sigma: float = Field(0.002, ge=0.0, le=0.1, description="common change of length in px at the start")
+    scale_noise: float = Field(0.0005, ge=0.0, le=0.01, description="its random walk while moving, per sqrt(ms)")
     bend_sigma_px: float = Field(1.0, gt=0.0, le=30.0, description="change of one second difference, per sqrt(ms)")
     bend_memory: float = Field(0.05, ge=0.0, le=1.0, description="share of the current shape in the own shape, per ms")
 
     # ends
     height_ratio: float = Field(0.06, ge=-0.2, le=0.4, description="expected extra pixel motion of a gripper")
     height_ratio_sigma: float = Field(0.03, ge=0.0, le=0.2, description="its standard deviation")
+    patch_offset_sigma_px: float = Field(20.0, ge=0.0, le=100.0, description="parallax of a gripper between cameras")
+    quiet_events: int = Field(40, ge=0, le=2000, description="a gripper in view with fewer events is at rest")
     end_sigma_px: float = Field(1.0, ge=0.1, le=10.0, description="white noise of a patch match at an end")
 
     # uncertainty

@@ -198,3 +198,119 @@ def match(
         if bend < -0.2:
             out[1] = bj - rd + (score[bi, bj - 2] - score[bi, bj + 2]) / bend
             out[3] = 2.0 / math.sqrt(-bend)
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def newest(ev_a: F8, ev_d: F8, ev_p: I8, ev_age: F8, n: int, window_ms: float, target: int, least_ms: float) -> int:
+    """Keep only the newest events, about ``target`` of them and at least those of ``least_ms``; returns how many."""
+    if n <= target:
+        return n
+    bins = np.zeros(64, np.int64)
+    for i in range(n):
+        bins[min(63, int(ev_age[i] / window_ms * 64))] += 1
+    kept = 0
+    edge = window_ms
+    for b in range(64):
+        kept += bins[b]
+        if kept >= target and window_ms * (b + 1) / 64 >= least_ms:
+            edge = window_ms * (b + 1) / 64
+            break
+    k = 0
+    for i in range(n):
+        if ev_age[i] <= edge:
+            ev_a[k] = ev_a[i]
+            ev_d[k] = ev_d[i]
+            ev_p[k] = ev_p[i]
+            ev_age[k] = ev_age[i]
+            k += 1
+    return k
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def find_direction(
+    lean_a: F4,
+    lean_d: F4,
+    pad: int,
+    a0: float,
+    dm: float,
+    ev_a: F8,
+    ev_d: F8,
+    ev_p: I8,
+    n: int,
+    most: int,
+    reach: int,
+    sum_a: F4,
+    sum_d: F4,
+    out: F8,
+) -> None:
+    """Direction of motion (out[0] along a, out[1] along d) at the shift where signed events and gradients agree best.
+
+    lean_a, lean_d: compressed gradients with a zero rim of ``pad``. Signed events summed over gradients give -M v with M
+    the structure tensor: good enough to choose among the tables.
+    """
+    step = max(1, n // most)
+    W = 2 * reach + 1
+    for i in range(W):
+        for j in range(W):
+            sum_a[i, j] = 0.0
+            sum_d[i, j] = 0.0
+    A, D = lean_a.shape
+    for e in range(0, n, step):
+        ia = math.floor(ev_a[e] - a0 + 0.5) + pad
+        jd = math.floor(ev_d[e] + dm + 0.5) + pad
+        sign = 1.0 if ev_p[e] == 1 else -1.0
+        for i in range(-reach, reach + 1):
+            k = min(max(ia - i, 0), A - 1)
+            for j in range(-reach, reach + 1):
+                c = min(max(jd - j, 0), D - 1)
+                sum_a[i + reach, j + reach] += sign * lean_a[k, c]
+                sum_d[i + reach, j + reach] += sign * lean_d[k, c]
+    best = np.float32(0.0)
+    out[0] = 0.0
+    out[1] = 0.0
+    for i in range(W):
+        for j in range(W):
+            v = sum_a[i, j] * sum_a[i, j] + sum_d[i, j] * sum_d[i, j]
+            if v > best:
+                best = v
+                out[0] = -sum_a[i, j]
+                out[1] = -sum_d[i, j]
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def find_step(ev_a: F8, n: int, half: int, counts: F8, out: F8) -> None:
+    """Place along the tangent where events end: two rates, many inside and few outside, by likelihood.
+
+    Events with a in [-half, half]. out: place px, gain in nats over a single rate (0: none), events per px inside.
+    """
+    bins = 2 * half + 1
+    for b in range(bins):
+        counts[b] = 0.0
+    total = 0
+    for i in range(n):
+        b = math.floor(ev_a[i] + half + 0.5)
+        if b >= 0 and b < bins:
+            counts[b] += 1.0
+            total += 1
+    out[0] = 0.0
+    out[1] = 0.0
+    out[2] = 0.0
+    if total < 20:
+        return
+    alone = total * math.log(total / bins)
+    inside = 0.0
+    best = -1e30
+    for b in range(bins - 6):
+        inside += counts[b]
+        if b < 9:
+            continue
+        na = b + 1
+        nb = bins - na
+        outside = total - inside
+        v = inside * math.log((inside + 0.5) / na) + outside * math.log((outside + 0.5) / nb)
+        if v > best and inside / na > 3.0 * (outside + 0.5) / nb:
+            best = v
+            out[0] = b - half + 0.5
+            out[2] = inside / na
+    if best > -1e29:
+        out[1] = best - alone

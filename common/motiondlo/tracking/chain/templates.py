@@ -88,8 +88,13 @@ class EndPatch:
     """Share of the patch's pixels whose gradient would make events."""
 
 
-def end_patch(look: Appearance, end: int, length_px: float, a0: float, a1: float, dm: float) -> EndPatch:
-    """The patch from ``a0`` to ``a1`` px outwards of end 0 or 1, +-``dm`` px to the sides."""
+def end_patch(
+    look: Appearance, end: int, length_px: float, a0: float, a1: float, dm: float, own_radius_px: float = 0.0
+) -> EndPatch:
+    """The patch from ``a0`` to ``a1`` px outwards of end 0 or 1, +-``dm`` px to the sides.
+
+    own_radius_px: when given, only the DLO of this radius counts, not what surrounds its tip.
+    """
     a = np.arange(a0, a1 + 0.5)
     d = np.arange(-dm, dm + 0.5)
     s = length_px + a if end == 1 else -a
@@ -97,6 +102,9 @@ def end_patch(look: Appearance, end: int, length_px: float, a0: float, a1: float
     columns = d / look.dn_px + (look.strip.shape[1] - 1) / 2.0
     image = gaussian_filter(_sample(look.strip, rows, columns), 0.8, mode="nearest")
     known = _sample(look.known.astype(np.float32), rows, columns) > 0.9
+    if own_radius_px > 0.0:
+        # Only the DLO itself moves with its tip: the board's marks beyond it stay where they are.
+        known &= (a[:, None] < 5.0) & (np.abs(d)[None] < own_radius_px + 3.0)
     grad_a = np.where(known, np.gradient(image, axis=0), 0.0)
     grad_d = np.where(known, np.gradient(image, axis=1), 0.0)
     strength = float((np.hypot(grad_a, grad_d) > 0.05).mean())
