@@ -57,8 +57,9 @@ def _table(name: str, results: dict[str, dict[str, Any]]) -> Table:
     for profile in results:
         for heading in (f"{profile} p50", "p99", "max"):
             table.add_column(heading, justify="right", no_wrap=True)
-    stages = dict.fromkeys(stage for result in results.values() for stage in result["stages_ms"])
-    rows = [("update", "update_ms"), ("update, moving", "update_moving_ms")]
+    found = dict.fromkeys(stage for result in results.values() for stage in result["stages_ms"])
+    stages = sorted(found, key="fusion".__eq__)  # last in all profiles
+    rows = [("update", "update_ms"), ("update, moving", "update_moving_ms"), ("update, CPU", "update_cpu_ms")]
     for label, key in rows:
         cells = [figure(result[key][p], 3) for result in results.values() for p in ("p50", "p99", "max")]
         table.add_row(label, *cells, style="bold")

@@ -10,7 +10,7 @@ import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from time import perf_counter_ns
+from time import perf_counter_ns, thread_time_ns
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,8 @@ class Timing:
 
     total_ns: Int64Array
     """(N,) one whole update."""
+    cpu_ns: Int64Array
+    """(N,) processor time of one whole update: without what other processes on a busy machine took."""
     moving: npt.NDArray[np.bool_]
     """(N,) whether some DLO was moving."""
     stages_ns: dict[str, Int64Array]
@@ -50,6 +52,7 @@ class Timing:
             "updates": len(update_ms),
             "update_ms": percentiles(update_ms),
             "update_moving_ms": percentiles(update_ms[self.moving]),
+            "update_cpu_ms": percentiles(self.cpu_ns / 1e6),
             "stages_ms": {
                 name: {key: value for key, value in percentiles(ns / 1e6).items() if key != "max"}
                 for name, ns in self.stages_ns.items()
@@ -81,11 +84,13 @@ def _pass(recording: Recording, options: TrackOptions, limit: int | None, progre
     batches = _decoded(run.events, raw, options.update_us)
     loop = run.loop
     totals: list[int] = []
+    cpu: list[int] = []
     moving: list[bool] = []
     stages: dict[str, list[int]] = {}
     order: list[str] = []
     events = 0
     while limit is None or len(totals) < limit:
+        cpu_began_ns = thread_time_ns()
         began_ns = perf_counter_ns()
         batch = next(batches, None)
         decoded_ns = perf_counter_ns()
@@ -93,6 +98,7 @@ def _pass(recording: Recording, options: TrackOptions, limit: int | None, progre
             break
         if not totals:
             loop.start(batch.t0_us)
+            cpu_began_ns = thread_time_ns()
         delivering_ns = perf_counter_ns()
         loop.deliver(batch.t1_us)
         delivered_ns = perf_counter_ns()
@@ -100,6 +106,7 @@ def _pass(recording: Recording, options: TrackOptions, limit: int | None, progre
         tracked_ns = perf_counter_ns()
         state = loop.fuse(update)
         fused_ns = perf_counter_ns()
+        cpu.append(thread_time_ns() - cpu_began_ns)
         loop.ask(batch.t1_us)  # may segment a frame: not part of the event path
         stages_now = {
             "decode": decoded_ns - began_ns,
@@ -122,6 +129,7 @@ def _pass(recording: Recording, options: TrackOptions, limit: int | None, progre
     names = sorted(dict.fromkeys([*order, *stages]), key="fusion".__eq__)
     return Timing(
         np.array(totals, np.int64),
+        np.array(cpu, np.int64),
         np.array(moving, np.bool_),
         {name: np.array(stages[name], np.int64) for name in names},
         events,

@@ -24,6 +24,7 @@ def test_every_update_is_timed_stage_by_stage(excerpt):
     names = list(timing.stages_ns)
     assert (names[0], names[-1]) == ("decode", "fusion")
     assert "time_surfaces" in names
+    assert len(timing.cpu_ns) == n
     staged = sum(timing.stages_ns.values())
     assert (staged <= timing.total_ns).all()
     # What no stage accounts for must stay small, or the table would hide where the time goes.
@@ -57,6 +58,7 @@ def test_segmenting_frames_is_not_counted(excerpt, monkeypatch):
 def test_document_of_a_profile():
     timing = Timing(
         total_ns=np.arange(1, 101, dtype=np.int64) * 10_000,
+        cpu_ns=np.full(100, 4_000),
         moving=np.arange(100) >= 50,
         stages_ns={"decode": np.full(100, 5_000), "fusion": np.zeros(100, np.int64)},
         events=50_500,
@@ -66,6 +68,7 @@ def test_document_of_a_profile():
     assert document["update_ms"] == {"p50": 0.505, "p99": 0.9901, "max": 1.0}
     assert document["update_moving_ms"]["p50"] == 0.755
     assert document["stages_ms"] == {"decode": {"p50": 0.005, "p99": 0.005}, "fusion": {"p50": 0.0, "p99": 0.0}}
+    assert document["update_cpu_ms"] == {"p50": 0.004, "p99": 0.004, "max": 0.004}
     assert document["events_per_s"] == 1_000_000
 
 
