@@ -14,8 +14,9 @@ import numpy.typing as npt
 from scipy.linalg import solveh_banded
 from scipy.ndimage import gaussian_filter1d
 
+from motiondlo.frames.colour import Float32Array
 from motiondlo.frames.edge_kernels import best_path
-from motiondlo.frames.strip import Scene, Strip, sample_strip
+from motiondlo.frames.strip import CODE_OFFSET, Scene, Strip, sample_strip
 from motiondlo.geometry.curve import arc_length, left_normals, resample, tangents
 
 FloatArray = npt.NDArray[np.float64]
@@ -88,13 +89,23 @@ def refine_centreline(
 
 
 def edge_strength(strip: Strip) -> FloatArray:
-    """Colour gradient across the curve, (K, V), smoothed along it so that noise and prints count less than edges."""
-    smooth = gaussian_filter1d(strip.ratio, 1.6, axis=1, mode="nearest")
+    """Colour gradient across the curve, (K, V), smoothed along it so that noise and prints count less than edges.
+
+    The weaker of two gradients: that of the image, which the board's own texture beside the DLO has too, and that of image
+    over board, in which the board's texture shows up where the DLO covers it. An edge of the DLO is in both.
+    """
+    g = _gradient(strip.ratio)
+    board = np.median((strip.image + CODE_OFFSET) / np.maximum(strip.ratio, 1e-3), axis=(0, 1))
+    g = np.minimum(g, _gradient(strip.image / board.astype(np.float32)))
+    g[~strip.known] = 0.0
+    return g
+
+
+def _gradient(values: Float32Array) -> FloatArray:
+    smooth = gaussian_filter1d(values, 1.6, axis=1, mode="nearest")
     smooth = gaussian_filter1d(smooth, 1.2, axis=0, mode="nearest")
     gradient = np.gradient(smooth, COLUMN_PX, axis=1)
-    g = np.sqrt((gradient.astype(np.float64) ** 2).sum(axis=2))
-    g[~strip.known] = 0.0
-    return np.asarray(g, dtype=np.float64)
+    return np.asarray(np.sqrt((gradient**2).sum(axis=2)), dtype=np.float64)
 
 
 def common_width(

@@ -93,9 +93,10 @@ def follow_end(scene: Scene, centre: FloatArray, side: int, palette: Palette, re
     step = max(int(0.55 * width), 6)
     leaves = False
     stop: float | None = None
+    supported: list[npt.NDArray[np.bool_]] = []
     while len(places) - lead - 1 < reach_px and not leaves:
         ahead = continue_curve(tail, width, step + _PERSIST_PX)
-        ahead = _recentre(scene, tail, ahead, width)
+        ahead, edged = _recentre(scene, tail, ahead, width)
         inside = np.asarray(((ahead >= 0.0) & (ahead <= size)).all(axis=1), dtype=np.bool_)
         leaves = not bool(inside[:step].all())
         if not inside.all():
@@ -108,10 +109,11 @@ def follow_end(scene: Scene, centre: FloatArray, side: int, palette: Palette, re
             places = np.concatenate([places, ahead])
             break
         places = np.concatenate([places, ahead[:step]])
+        supported.append(edged[: len(ahead[:step])])
         tail = _tail(np.concatenate([tail, ahead[:step]]), None, 3.5 * width)
     grown = places[lead + 1 :]
     if stop is None:
-        return FollowedEnd(grown if leaves else grown[: int(0.5 * width)], leaves, leaves)
+        return FollowedEnd(grown if leaves else grown[: _edged_length(supported, width)], leaves, leaves)
     kept = stop - lead
     if kept <= 0.0:
         return FollowedEnd(np.empty((0, 2)), True, False, -float(kept) * _STEP_PX)
@@ -130,17 +132,32 @@ def _tail(curve: FloatArray, length: float | None, span: float) -> FloatArray:
     return point_at(curve, s)
 
 
-def _recentre(scene: Scene, tail: FloatArray, ahead: FloatArray, width: float) -> FloatArray:
+def _edged_length(supported: list[npt.NDArray[np.bool_]], width: float) -> int:
+    """How many steps of a continuation both edges accompany: where a DLO looks like the board, they alone tell its end."""
+    rows = np.concatenate(supported) if supported else np.zeros(0, np.bool_)
+    window = max(int(0.5 * width), 4)
+    if len(rows) < window:
+        return len(rows)
+    share = np.convolve(rows.astype(np.float64), np.ones(window) / window, mode="valid")
+    gone = np.flatnonzero(share < 0.5)
+    return int(gone[0]) + window // 2 if len(gone) else len(rows)
+
+
+def _recentre(
+    scene: Scene, tail: FloatArray, ahead: FloatArray, width: float
+) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
     """Move a continuation to the middle between both edges; where there are none it stays.
 
-    The tail, already centred, comes first, so that the path of edges starts on the DLO.
+    The tail, already centred, comes first, so that the path of edges starts on the DLO. Returns the places and which of
+    them have both edges.
     """
     known = min(int(1.2 * width), len(tail) - 1)
     curve = np.concatenate([tail[-known:], ahead])[::2]
     strip = sample_strip(scene, curve, 1.0 * width + 4.0, COLUMN_PX)
     g = edge_strength(strip)
     rough = centre_path(g, strip.offsets, width)
-    offset, weight, _ = locate_edges(g, strip.offsets, rough, width)
+    offset, weight, widths = locate_edges(g, strip.offsets, rough, width)
+    both = np.isfinite(widths)
     # Beyond the end anything may look like edges: only small corrections are followed.
     weight = np.where(np.abs(offset) < 0.35 * width, weight, 0.0)
     weight[: max(known // 4, 1)] = 1.0
@@ -149,7 +166,8 @@ def _recentre(scene: Scene, tail: FloatArray, ahead: FloatArray, width: float) -
     rows = np.arange(len(curve)) * 2.0
     moved = np.interp(known + np.arange(len(ahead)), rows, smooth)
     normals = left_normals(tangents(ahead)) if len(ahead) > 1 else np.zeros_like(ahead)
-    return np.asarray(ahead + moved[:, None] * normals, dtype=np.float64)
+    edged = both[np.clip((known + np.arange(len(ahead))) // 2, 0, len(both) - 1)]
+    return np.asarray(ahead + moved[:, None] * normals, dtype=np.float64), edged
 
 
 def _unlike(scene: Scene, places: FloatArray, side: int, palette: Palette) -> FloatArray:

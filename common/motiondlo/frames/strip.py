@@ -14,7 +14,7 @@ from motiondlo.geometry.curve import left_normals, tangents
 
 FloatArray = npt.NDArray[np.float64]
 
-_CODE_OFFSET = 8.0
+CODE_OFFSET = 8.0
 """Added to both codes of a ratio: bounds its noise in the dark."""
 
 
@@ -72,7 +72,7 @@ def sample_strip(scene: Scene, centre: FloatArray, half_width_px: float, step_px
         light = np.maximum(np.exp(_at_working_size(scene.board.board_log, map_x, map_y, scene.board.scale)) - 0.02, 0.0)
         code = np.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1.0 / 2.4) - 0.055) * 255.0
         board = np.asarray(code, dtype=np.float32)
-    ratio = (image + np.float32(_CODE_OFFSET)) / (board + np.float32(_CODE_OFFSET))
+    ratio = (image + np.float32(CODE_OFFSET)) / (board + np.float32(CODE_OFFSET))
     return Strip(image, np.asarray(ratio, dtype=np.float32), known, offsets)
 
 
