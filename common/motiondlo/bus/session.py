@@ -175,6 +175,8 @@ class Bus:
             closable.close()
         self._inputs.clear()
         self._publishers.clear()
+        if self._shared_memory is not None:
+            self._shared_memory.close()
 
 
 @contextmanager

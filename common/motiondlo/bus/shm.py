@@ -76,7 +76,7 @@ class SharedMemory:
             return
         try:
             self._provider = zenoh.shm.ShmProvider.default_backend(pool_bytes)
-            self._threshold_bytes = measure_threshold(self._provider)
+            self._threshold_bytes = measure_threshold()
         except (zenoh.ZError, SharedMemoryUnusable) as error:
             self._provider, self._why = None, f"a pool of {pool_bytes // MIB} MiB does not work: {error}"
 
@@ -104,6 +104,10 @@ class SharedMemory:
                 piece = bytes(tail[start : start + MIB])
                 buffer[len(head) + start : len(head) + start + len(piece)] = piece
         return buffer
+
+    def close(self) -> None:
+        """Give the pool back now: what lives until the interpreter's end stays behind in /dev/shm."""
+        self._provider, self._why, self._threshold_bytes = None, "closed", NEVER
 
     def report(self) -> SharedMemoryReport:
         """Which way messages take, and how many took it."""

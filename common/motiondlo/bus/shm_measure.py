@@ -14,6 +14,7 @@ from motiondlo.bus.settings import private_config
 
 KIB: Final = 1 << 10
 SIZES: Final = (32 * KIB, 64 * KIB, 128 * KIB, 256 * KIB)
+POOL_BYTES: Final = 8 * SIZES[-1]
 ROUNDS: Final = 15
 _MATCH_S: Final = 1.0
 _KEY: Final = "measure"
@@ -27,11 +28,15 @@ def _connected(publisher: Any) -> bool:
     return bool(publisher.matching_status.matching)
 
 
-def measure_threshold(provider: Any) -> int:
+def measure_threshold() -> int:
     """The smallest of SIZES from which on a message through shared memory arrives sooner; takes about 0.1 s.
+
+    It has a small pool of its own: this process maps what it receives, and a pool that is mapped by its own process is
+    not removed from /dev/shm when it is given back.
 
     Raises SharedMemoryUnusable, zenoh.ZError.
     """
+    provider = zenoh.shm.ShmProvider.default_backend(POOL_BYTES)
     with tempfile.TemporaryDirectory(prefix="motiondlo-") as folder:
         endpoint = f"unixsock-stream/{folder}/measure"
         with zenoh.open(private_config(endpoint, True)) as near, zenoh.open(private_config(endpoint, False)) as far:
