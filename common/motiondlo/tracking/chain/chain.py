@@ -12,7 +12,7 @@ from motiondlo.tracking.chain import filter_kernels, profile_kernels
 from motiondlo.tracking.chain.ends import EXTRAS_PER_END, End, PatchScratch
 from motiondlo.tracking.chain.params import ChainParams
 from motiondlo.tracking.chain.spline import fit, weights
-from motiondlo.tracking.chain.templates import profile_bins, profile_densities
+from motiondlo.tracking.chain.templates import profile_bins, profile_densities, seen_in_frame
 from motiondlo.tracking.types import Correction, TrackSource, TrackState
 
 FloatArray = npt.NDArray[np.float64]
@@ -34,7 +34,7 @@ class Chain:
         self.ends_kind = correction.ends
         self._lay_out(correction)
         self._scratch = PatchScratch()
-        self.support = np.where(self.inside, 10.0, 0.0)
+        self.support = np.where(self.inside & self._seen_at_start, 10.0, 0.0)
         self.boost = 1.0
         self.motion = 0.0
         self.still_ms = 1000.0
@@ -101,6 +101,11 @@ class Chain:
                 p.station_px,
             ),
             dtype=np.float32,
+        )
+        self._seen_at_start = (
+            seen_in_frame(correction.appearance, self.station_s, self.radius_px, p.station_px)
+            & (self.station_s > -8.0)
+            & (self.station_s < length + 8.0)
         )
         self.density = self.anchor.copy()
         J = 2 * half + 1

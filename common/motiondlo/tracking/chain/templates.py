@@ -73,6 +73,27 @@ def profile_densities(
     return np.where(usable[:, None, None], mixed, unknown)
 
 
+def seen_in_frame(
+    look: Appearance | None, s_px: FloatArray, radius_px: float, along_px: float
+) -> npt.NDArray[np.bool_]:
+    """(S,) whether the frame shows both edges of the DLO at arc lengths ``s_px``: under a plate there are none.
+
+    Without a look everything counts as seen.
+    """
+    if look is None:
+        return np.ones(len(s_px), np.bool_)
+    rows = (s_px - look.s0_px) / look.ds_px
+    half = max(1, round(0.5 * along_px / look.ds_px))
+    d = np.arange(-radius_px - 6.0, radius_px + 6.5)
+    columns = d / look.dn_px + (look.strip.shape[1] - 1) / 2.0
+    profile = np.stack([_sample(look.strip, rows + k, columns) for k in range(-half, half + 1)]).mean(axis=0)
+    gradient = np.abs(np.gradient(gaussian_filter(profile, (0.0, 1.0), mode="nearest"), axis=1))
+    sides = [gradient[:, np.abs(d - side * radius_px) <= 3.0].max(axis=1) for side in (-1, 1)]
+    strength = np.minimum(*sides)
+    usual = np.percentile(strength, 75)
+    return np.asarray((strength > 0.35 * usual) & (strength > 0.01), dtype=np.bool_)
+
+
 @dataclass(frozen=True)
 class EndPatch:
     """Brightness gradients about an end of a chain, 1 px apart (see ``patch_kernels``)."""
