@@ -39,9 +39,13 @@ class Command:
 
 
 COMMANDS = (
+    Command("demo", "motiondlo_services.commands.demo", "play the bundled recording through all the real daemons"),
+    Command("run", "motiondlo_services.commands.run", "start a cell's daemons under one supervisor"),
     Command("track", "motiondlo.cli.track", "follow the DLOs through a recording, write tracks.npz"),
     Command("eval", "motiondlo.cli.eval", "errors of tracks against a recording's ground truth"),
     Command("bench", "motiondlo.cli.bench", "time per update and per stage on this machine"),
+    Command("bench live", "motiondlo_services.commands.bench_live", "end-to-end latency through the real daemons"),
+    Command("doctor", "motiondlo_services.commands.doctor", "check this machine and a cell's configuration"),
 )
 
 

@@ -21,6 +21,8 @@ from motiondlo.tracking.types import Correction, CorrectionKind, TrackState, Tra
 
 FloatArray = npt.NDArray[np.float64]
 
+_BEFORE_ALL_US = -(1 << 60)
+
 
 @dataclass
 class _Known:
@@ -52,6 +54,7 @@ class FusionCore:
         self._due: list[Correction] = []
         self._retired: set[int] = set()
         self._now_us = -1
+        self._waited_us = 0
         self.degraded_reason = ""
 
     # -- track updates ------------------------------------------------------------------------------------------------
@@ -106,14 +109,21 @@ class FusionCore:
         weak = [track.id for track in update.tracks if track.confidence < self._params.degraded_confidence]
         return f"low confidence of DLO {', '.join(map(str, weak))}" if weak else ""
 
-    def frame_request(self) -> FrameRequest | None:
+    def frame_request(self, waited_us: int = 0) -> FrameRequest | None:
         """The request for a segmentation to send now, if one is due; once returned, it counts as under way.
 
-        Before the first track update this asks for the first frame that there is.
+        Before the first track update this asks for the first frame that there is, and ``waited_us``, the host's time
+        since the start, says when to ask again; after it, event time does.
         """
-        if self._now_us < 0 and self._requests.idle:
+        self._waited_us = waited_us
+        if self._now_us < 0 and self._requests.idle and not self._known:
             self._requests.want("boot", -1)
-        return self._requests.due(self._now_us)
+        return self._requests.due(self._planning_us)
+
+    @property
+    def _planning_us(self) -> int:
+        """Event time, or before there is one the time waited, as a time before all event times."""
+        return self._now_us if self._now_us >= 0 else _BEFORE_ALL_US + self._waited_us
 
     def corrections_due(self) -> tuple[Correction, ...]:
         """Corrections that a track update gave rise to (a tracker that was restarted gets its DLOs back); drained."""
@@ -125,7 +135,7 @@ class FusionCore:
     def on_segmentation(self, seg: Segmentation, now_us: int) -> tuple[Correction, ...]:
         """Take the segmentation of the frame of ``seg.t_us``, arriving at ``now_us``; corrections for the tracker."""
         usable = [i for i in seg.instances if i.nodes_event is not None and len(i.nodes_event) >= 2]
-        self._requests.arrived(not seg.failure and bool(usable), now_us)
+        self._requests.arrived(not seg.failure and bool(usable), self._planning_us)
         if seg.failure or not usable:
             return ()
         self._last_segmented_us = max(seg.t_us, now_us)

@@ -56,4 +56,4 @@ class RequestPlanner:
         pause = min(self._retry_first_us << min(self.failures_in_a_row - 1, 20), self._retry_max_us)
         self._not_before_us = now_us + pause
         if self._wanted is None:
-            self._wanted = FrameRequest("retry", now_us)
+            self._wanted = FrameRequest("retry", max(now_us, -1))

@@ -72,6 +72,9 @@ def serve(shell: Shell, bus: Bus) -> None:
             if not isinstance(after_us, int) or not isinstance(request_id, str):
                 command.refuse("after_us must be an integer and request_id a text.", "Correct the request.")
                 continue
+            if not frames.has_readers():
+                command.refuse("Nobody takes frames.", "Is the segmenter running?")
+                continue
             numbered += 1
             requests = {numbered: request_id}
             command.answer({"accepted": True})

@@ -36,7 +36,7 @@ def serve(shell: Shell, bus: Bus) -> None:
     corrections = bus.publisher(CORRECTION)
     asker = FrameAsker(bus)
     asked_us: dict[str, int] = {}
-    now_us, degraded = -1, ""
+    now_us, degraded, started_ns = -1, "", time.monotonic_ns()
     shell.ready()
 
     def on_track(message: TrackMessage) -> None:
@@ -63,7 +63,7 @@ def serve(shell: Shell, bus: Bus) -> None:
             _send(corrections, core.on_segmentation(due, now_us), shell)
         if asker.failed():
             core.on_segmentation(Segmentation(now_us, "", failure=f"not taken: {asker.last_error}"), now_us)
-        request = core.frame_request()
+        request = core.frame_request((time.monotonic_ns() - started_ns) // 1000)
         if request is not None:
             request_id = f"fusion-{shell.counts['requests']}"
             asked_us = {request_id: now_us if request.after_us >= 0 else -1}

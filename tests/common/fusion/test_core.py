@@ -75,6 +75,16 @@ def test_boot_asks_for_the_first_frame_and_starts_one_track_per_instance() -> No
     assert [c.not_before_us for c in corrections] == [-1, -1], "the first shapes are taken at once"
 
 
+def test_boot_asks_again_on_the_hosts_time_until_there_is_event_time() -> None:
+    core = FusionCore(FusionParams(retry_first_ms=100.0))
+    assert core.frame_request(0) is not None
+    core.on_segmentation(Segmentation(-1, "", failure="nobody takes frames"), now_us=-1)
+    assert core.frame_request(50_000) is None
+    again = core.frame_request(150_000)
+    assert again is not None
+    assert again.after_us == -1
+
+
 def test_mode_follows_motion_at_once_and_rest_after_a_while() -> None:
     core, nodes = booted(FusionParams(static_after_ms=100.0))
     assert core.on_track(update(1_001_000, track(0, nodes))).mode == Mode.STATIC

@@ -1,0 +1,1 @@
+"""The event ingest's daemon."""
