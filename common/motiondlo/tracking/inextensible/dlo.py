@@ -135,7 +135,7 @@ class InextensibleDlo:
         self.constants_q = np.zeros(CONSTANTS)
         self.constants_q[STRETCH] = p.stretch_walk**2
         self.memory = np.zeros(n)
-        remember_bend(n, self.x, 1.0, self.memory)
+        remember_bend(n, self.x, 1.0, np.ones(m), self.memory)
         # visibility
         inside_shape = (s >= -1.0) & (s <= length + 1.0)
         self.alive = (inside_shape & visible_at_start(s, self.radius_px, correction.appearance)).astype(np.float64)
@@ -269,7 +269,7 @@ class InextensibleDlo:
             self._stations()
             if self.tick % 2 == 0:
                 self._refresh_acceleration()
-            remember_bend(n, self.x, p.bend_memory * dt_ms, self.memory)
+            remember_bend(n, self.x, p.bend_memory * dt_ms, self.alive, self.memory)
             self._adapt(dt_ms, end_nis)
             self._learn(surface, t_us, dt_ms)
         update_support(
@@ -421,7 +421,7 @@ class InextensibleDlo:
         )  # fmt: skip
         self.place()
         self._stations()
-        remember_bend(n, self.x, 1.0, self.memory)
+        remember_bend(n, self.x, 1.0, np.ones(self.m), self.memory)
         self._revisions.append((correction.t_us, now_us, self.p - before))
         del self._revisions[:-8]
         self.t_corrected_us = correction.t_us

@@ -64,7 +64,7 @@ class InextensibleParams(BaseModel):
     correlation_px: float = Field(150.0, ge=20.0, le=1000.0, description="correlation length of the acceleration")
     velocity_decay_ms: float = Field(150.0, ge=5.0, le=10000.0, description="time constant of the rates")
     stretch_walk: float = Field(1e-4, ge=0.0, le=1e-2, description="random walk of the stretch per sqrt(ms)")
-    bend_sigma: float = Field(0.06, ge=1e-3, le=10.0, description="bend per knot against the remembered one, sqrt(ms)")
+    bend_sigma: float = Field(0.01, ge=1e-3, le=10.0, description="bend per knot against the remembered one, sqrt(ms)")
     bend_memory: float = Field(0.05, ge=0.0, le=1.0, description="share of the bend that the memory takes up a ms")
     bend_rate_sigma: float = Field(0.1, ge=1e-3, le=10.0, description="bend of the rates per knot and ms, sqrt(ms)")
     rest_sigma: float = Field(0.3, ge=0.01, le=5.0, description="normal velocity where nothing is seen, sqrt(ms)")
@@ -104,5 +104,5 @@ class InextensibleParams(BaseModel):
     correction_bias_px: float = Field(1.0, ge=0.0, le=20.0, description="error that all nodes of a correction share")
 
     # honesty
-    bias_px: float = Field(0.6, ge=0.0, le=5.0, description="standard deviation of what stations have in common")
+    bias_px: float = Field(0.4, ge=0.0, le=5.0, description="standard deviation of what stations have in common")
     visible_support: float = Field(0.35, ge=0.0, le=1.0, description="support above which a node counts as visible")

@@ -100,10 +100,12 @@ def bend_rows(rows, n, dt_ms, x, memory, bend_sigma, rate_sigma, h, z, w, robust
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def remember_bend(n, x, share, memory):  # type: ignore[no-untyped-def]
-    """Let the remembered bend follow the estimate."""
+def remember_bend(n, x, share, alive, memory):  # type: ignore[no-untyped-def]
+    """Let the remembered bend follow the estimate, where the DLO is seen: what is covered keeps the bend it had."""
+    m = alive.shape[0]
     for k in range(3, n - 1):
-        memory[k] += share * (x[k - 1] - 2.0 * x[k] + x[k + 1] - memory[k])
+        seen = alive[min(m - 1, int((k - 2) / (n - 3) * (m - 1) + 0.5))]
+        memory[k] += share * seen * (x[k - 1] - 2.0 * x[k] + x[k + 1] - memory[k])
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
