@@ -60,8 +60,8 @@ def refine_centreline(
     """Move a rough centreline to the middle between both edges.
 
     path: (K, 2) image px, smooth, within about half a width of the truth. width_px: rough width. rounds: passes, each
-    on the strip around the last result. smooth_w: smoothing length in widths. search_w: how far from ``path`` the centre
-    may be, widths (in the first pass; the later ones start near it).
+    on the strip around the last result. smooth_w: smoothing length in widths. search_w: how far from ``path`` the
+    centre may be, widths (in the first pass; the later ones start near it).
     """
     centre = _even(path)
     width = width_px
@@ -91,8 +91,8 @@ def refine_centreline(
 def edge_strength(strip: Strip) -> FloatArray:
     """Colour gradient across the curve, (K, V), smoothed along it so that noise and prints count less than edges.
 
-    The weaker of two gradients: that of the image, which the board's own texture beside the DLO has too, and that of image
-    over board, in which the board's texture shows up where the DLO covers it. An edge of the DLO is in both.
+    The weaker of two gradients: that of the image, which the board's own texture beside the DLO has too, and that of
+    image over board, in which the board's texture shows up where the DLO covers it. An edge of the DLO is in both.
     """
     g = _gradient(strip.ratio)
     board = np.median((strip.image + CODE_OFFSET) / np.maximum(strip.ratio, 1e-3), axis=(0, 1))

@@ -1,8 +1,8 @@
 """Second look for DLOs of the board's own colour: grey on grey, white on paper, black on black.
 
 Such a DLO lies on the board's colour line, where cast shadows are, so the first look leaves it out. It shows by its
-shading: one flank brighter than the other, between two sharp edges. A cast shadow is darkest in its middle and the same to
-both sides; that, and the first look's DLOs with their shadows, is what has to be kept out.
+shading: one flank brighter than the other, between two sharp edges. A cast shadow is darkest in its middle and the
+same to both sides; that, and the first look's DLOs with their shadows, is what has to be kept out.
 """
 
 from __future__ import annotations

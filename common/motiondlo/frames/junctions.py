@@ -54,26 +54,20 @@ def find_crossings(
     Thinning turns an X into two Ys with a stretch between them that belongs to both DLOs; the flatter the crossing the
     longer the stretch. It is told from a DLO's own branch by its length (below a width), or by being wider.
     """
-    group: dict[int, int] = {}
-    for branch in graph.branches:
-        for node in branch.nodes:
-            if node != FREE:
-                group.setdefault(node, node)
-
-    def root(node: int) -> int:
-        while group[node] != node:
-            node = group[node]
-        return node
-
-    shared = {k for k, branch in enumerate(graph.branches) if _is_shared(branch, k, graph, params)}
+    groups = _JunctionGroups(graph)
+    # Short stretches first, so that the wider ones are compared with all branches that meet in a crossing.
+    shared = {k for k, branch in enumerate(graph.branches) if _is_short(branch)}
     for k in shared:
-        a, b = graph.branches[k].nodes
-        group[root(a)] = root(b)
+        groups.join(*graph.branches[k].nodes)
+    wide = {k for k in range(len(graph.branches)) if k not in shared and _is_wide(k, shared, graph, groups, params)}
+    for k in wide:
+        groups.join(*graph.branches[k].nodes)
+    shared |= wide
     members: dict[int, list[tuple[int, int]]] = {}
     for k, branch in enumerate(graph.branches):
         for side in (0, 1):
             if k not in shared and branch.nodes[side] != FREE:
-                members.setdefault(root(branch.nodes[side]), []).append((k, side))
+                members.setdefault(groups.root(branch.nodes[side]), []).append((k, side))
     crossings = []
     for ends in members.values():
         measured = [measure_end(graph, k, side, image_log, params) for k, side in ends]
@@ -83,18 +77,49 @@ def find_crossings(
     return crossings, shared
 
 
-def _is_shared(branch: Branch, index: int, graph: SkeletonGraph, params: GraphParams) -> bool:
+class _JunctionGroups:
+    """Union-find over junctions."""
+
+    def __init__(self, graph: SkeletonGraph) -> None:
+        self._parent = {node: node for branch in graph.branches for node in branch.nodes if node != FREE}
+
+    def root(self, node: int) -> int:
+        while self._parent[node] != node:
+            node = self._parent[node]
+        return node
+
+    def join(self, a: int, b: int) -> None:
+        self._parent[self.root(a)] = self.root(b)
+
+
+def _is_short(branch: Branch) -> bool:
+    """Whether a stretch between two junctions is no longer than the mask is wide there: the middle of an X."""
     a, b = branch.nodes
-    if a in (b, FREE) or b == FREE:
+    return a not in (b, FREE) and b != FREE and branch.length < 1.1 * float(2.0 * np.mean(branch.radius))
+
+
+def _is_wide(index: int, short: set[int], graph: SkeletonGraph, groups: _JunctionGroups, params: GraphParams) -> bool:
+    """Whether a stretch is wider than the thickest DLO at either end of it: two DLOs side by side in one mask.
+
+    A stretch between two crossings of a thick DLO with thin ones is as wide as the thick one, and stays its own.
+    """
+    branch = graph.branches[index]
+    a, b = branch.nodes
+    if FREE in (a, b) or groups.root(a) == groups.root(b):
         return False
-    own = [
-        other.width
-        for k, other in enumerate(graph.branches)
-        if k != index and (set(other.nodes) & {a, b}) and other.length > 1.5 * other.width
-    ]
-    width = float(np.median(own)) if own else branch.width
-    if branch.length < 1.2 * width:
-        return True
+    thickest = []
+    for node in (groups.root(a), groups.root(b)):
+        widths = [
+            other.width
+            for k, other in enumerate(graph.branches)
+            if k != index
+            and k not in short
+            and any(n != FREE and groups.root(n) == node for n in other.nodes)
+            and other.length > 1.5 * other.width
+        ]
+        if widths:
+            thickest.append(max(widths))
+    width = min(thickest) if thickest else branch.width
     wider = float(2.0 * np.mean(branch.radius)) > params.bridge_widening * width
     return wider and branch.length < params.bridge_length_w * width
 

@@ -14,7 +14,7 @@ from motiondlo.frames.params import FitParams, InstanceParams
 from motiondlo.frames.polyline_fit import smooth_path
 from motiondlo.frames.strip import Scene
 from motiondlo.frames.traversal import Chain
-from motiondlo.geometry.curve import arc_length, resample
+from motiondlo.geometry.curve import arc_length, project, resample
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -23,6 +23,7 @@ _TRIM_W = 2.0
 towards a jaw two widths before a gripper."""
 _MAX_TRIM_SHARE = 0.22
 _RETRACE_W = 0.6
+_REPEATED_SHARE = 0.5
 _SEARCH_WIDE_W = 2.5
 _WIDER = 1.22
 _REACH_W = 4.0
@@ -124,6 +125,23 @@ def is_plausible(segment: Segment, mask: Mask, scale: float, params: InstancePar
     rows = np.clip(at[:, 1], 0, mask.shape[0] - 1)
     columns = np.clip(at[:, 0], 0, mask.shape[1] - 1)
     return float(mask[rows, columns].mean()) >= params.min_mask_share
+
+
+def without_repeats(segments: list[Segment]) -> list[Segment]:
+    """Drop pieces that lie on a longer one: following an end may run over the next piece of the same DLO."""
+    kept: list[Segment] = []
+    for segment in sorted(segments, key=lambda item: -item.length):
+        repeated = False
+        for other in kept:
+            distance, place = project(segment.centre, other.centre)
+            near = distance < 0.35 * min(segment.width, other.width)
+            # Across a crossing only a few points are near, and they are near one place.
+            if float(near.mean()) > _REPEATED_SHARE and np.ptp(place[near]) > 0.5 * near.mean() * segment.length:
+                repeated = True
+                break
+        if not repeated:
+            kept.append(segment)
+    return kept
 
 
 def sharpest_turn(centre: FloatArray, span_px: float) -> float:
