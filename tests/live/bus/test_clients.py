@@ -15,7 +15,9 @@ from motiondlo.bus.config import BusConfig
 from motiondlo.bus.errors import BusError
 from motiondlo.bus.session import open_bus
 from motiondlo.client import StateStale, StateSubscriber
-from motiondlo.topics import STATE
+from motiondlo.messages.reject import ANYTHING
+from motiondlo.messages.state import StateMessage
+from motiondlo.topics import CORRECTION, STATE
 
 pytestmark = pytest.mark.live
 
@@ -60,6 +62,21 @@ def test_a_gate_lets_clients_in_and_duplicates_nothing_inside(
         assert inside.newest() is not None
         for status in (cell.status(), inside.status()):
             assert (status.repeated, status.rejected, status.lost) == (0, 0, 0)
+
+
+def test_a_tap_sees_everything_as_it_is_on_the_wire(worker: Callable[..., Process], endpoints: dict[str, str]) -> None:
+    worker("publish", "one", name="state", hz=100)
+    worker("publish", "two", name="correction", hz=100)
+    with open_bus(BusConfig.mesh(CELL, endpoints, "three"), "three") as bus:
+        tap = bus.tap()
+        heard: dict[str, bytes] = {}
+        for _ in range(500):
+            if len(heard) == 2:
+                break
+            bus.wait(1.0, tap)
+            heard.update([item for item in [tap.recv()] if item is not None])
+        assert set(heard) == {STATE.key(CELL), CORRECTION.key(CELL)}
+        assert StateMessage.from_bytes(heard[STATE.key(CELL)], ANYTHING).mode == "MOTION"
 
 
 def test_a_silent_cell_is_stale_and_says_so(worker: Callable[..., Process], endpoints: dict[str, str]) -> None:
