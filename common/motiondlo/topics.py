@@ -57,7 +57,7 @@ class Topic(Generic[M]):
     """Key expression below ``motiondlo/<cell>/``; ``{name}`` stands for a daemon or a verb."""
     message: type[M] | None
     rate_hz: float
-    """Nominal; 0: now and then."""
+    """Nominal, for what follows the event batches at their slowest (200 to 1000 Hz); 0: now and then."""
     deadline_ms: float
     """Longest silence of a healthy sender; a reader calls the topic stale after it. 0: none."""
     priority: Priority
@@ -90,7 +90,7 @@ EVENTS_BATCH: Final[Topic[EventBatchMessage]] = Topic(
     name="events/batch",
     suffix="events/batch",
     message=EventBatchMessage,
-    rate_hz=1000,
+    rate_hz=200,
     deadline_ms=50,
     priority=Priority.REAL_TIME,
     delivery=Delivery.NEWEST,
@@ -168,7 +168,7 @@ TRACK: Final[Topic[TrackMessage]] = Topic(
     name="track",
     suffix="track",
     message=TrackMessage,
-    rate_hz=1000,
+    rate_hz=200,
     deadline_ms=50,
     priority=Priority.REAL_TIME,
     delivery=Delivery.NEWEST,
@@ -198,7 +198,7 @@ STATE: Final[Topic[StateMessage]] = Topic(
     name="state",
     suffix="state",
     message=StateMessage,
-    rate_hz=1000,
+    rate_hz=200,
     deadline_ms=50,
     priority=Priority.REAL_TIME,
     delivery=Delivery.NEWEST,

@@ -19,6 +19,8 @@ from motiondlo.topics import Delivery, Topic
 M = TypeVar("M", bound=Message)
 
 RATE_WINDOW_NS = 1_000_000_000
+RATE_WINDOW_PERIODS = 3
+"""Slow topics are measured over so many nominal periods."""
 FREQ_OK_SHARE = 0.5
 """A rate below this share of the nominal one is not ok."""
 
@@ -30,7 +32,7 @@ class InputStatus:
     alive: bool
     """The last message came within the topic's deadline."""
     freq_ok: bool
-    """The rate over the last second is near the nominal one (true for topics without one)."""
+    """The rate is not far below the nominal one; false until it was measured; true for topics without a deadline."""
     rate_hz: float
     received: int
     lost: int
@@ -63,6 +65,8 @@ class Subscriber(Generic[M]):
         self._rejected = 0
         self._last_ns = -1
         self._window_start_ns, self._window_count, self._rate_hz = -1, 0, 0.0
+        period_ns = 1e9 / topic.rate_hz if topic.rate_hz else 0.0
+        self._window_ns = max(RATE_WINDOW_NS, int(RATE_WINDOW_PERIODS * period_ns))
         self._inbox: Inbox[Any] = Inbox(queue)
         subscription = declare_subscriber(session, topic, self.key, queue)
         self._pump: Pump[Any] = Pump(topic.name, subscription.handler.recv, subscription.undeclare, self._inbox)
@@ -120,15 +124,16 @@ class Subscriber(Generic[M]):
             self.rejects.count(RejectReason.REPEATED, message.source)
             return None
         self.lost_before = lost
-        self._tick(now_ns)
+        self.tick(now_ns)
         return message
 
-    def _tick(self, now_ns: int) -> None:
+    def tick(self, now_ns: int) -> None:
+        """Note that a good message came at the host's monotonic time ``now_ns``."""
         self._last_ns = now_ns
         self._window_count += 1
         if self._window_start_ns < 0:
             self._window_start_ns = now_ns
-        elif now_ns - self._window_start_ns >= RATE_WINDOW_NS:
+        elif now_ns - self._window_start_ns >= self._window_ns:
             self._rate_hz = (self._window_count - 1) * 1e9 / (now_ns - self._window_start_ns)
             self._window_start_ns, self._window_count = now_ns, 1
 
@@ -137,7 +142,7 @@ class Subscriber(Generic[M]):
         now_ns = time.monotonic_ns() if now_ns is None else now_ns
         silent_ns = now_ns - self._last_ns
         alive = self._last_ns >= 0 and (self.topic.deadline_ms == 0 or silent_ns <= self.topic.deadline_ms * 1e6)
-        silent = self._last_ns < 0 or silent_ns > 2 * RATE_WINDOW_NS
+        silent = self._last_ns < 0 or silent_ns > 2 * self._window_ns
         rate_hz = 0.0 if silent else self._rate_hz
         return InputStatus(
             alive=alive,

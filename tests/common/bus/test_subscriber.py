@@ -126,3 +126,18 @@ def test_daemons_are_told_apart_by_their_names(session: FakeSession) -> None:
 def test_tokens_and_commands_are_not_subscribed_to(session: FakeSession, row: object) -> None:
     with pytest.raises(BusError):
         Subscriber(session, row, "cell1", "x")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("rate_hz", "ok"), [(1000.0, True), (200.0, True), (150.0, True), (50.0, False)])
+def test_a_rate_far_below_the_nominal_one_is_not_ok(
+    session: FakeSession, states: Subscriber[StateMessage], rate_hz: float, ok: bool
+) -> None:
+    start_ns = time.monotonic_ns()
+    assert not states.status(start_ns).freq_ok
+    n = int(1.1 * rate_hz)
+    for i in range(n):
+        states.tick(start_ns + round(i * 1e9 / rate_hz))
+    status = states.status(start_ns + round(n * 1e9 / rate_hz))
+    assert status.rate_hz == pytest.approx(rate_hz, rel=0.01)
+    assert status.freq_ok == ok
+    assert states.status(start_ns + 4 * 10**9).rate_hz == 0.0
