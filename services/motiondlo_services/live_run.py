@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from motiondlo.topics import HEALTH, STATE
 from motiondlo_services.cell_config import bus_section, check_configuration
 from motiondlo_services.fusion.asking import FrameAsker
 from motiondlo_services.processes import PROCESSES
+from motiondlo_services.runtime.realtime import use_subscriber_scheduling
 from motiondlo_services.supervisor import Supervisor
 
 _AFTER_S = 0.3
@@ -87,6 +88,7 @@ def play(
 ) -> LiveRun:
     """Start the cell of ``config``, play its recording to the end, stop the cell.
 
+    The subscriber runs under SCHED_FIFO where it may, as a robot's gateway would.
     segmenter_load: keep the segmenter busy with one frame after the other all the time. on_step is called about 50
     times a second (fault injection). Raises MotionDLOError when it does not end within ``time_limit_s``.
     """
@@ -96,10 +98,11 @@ def play(
     run = LiveRun()
     deadline_s = time.monotonic() + time_limit_s
     client = section.of_client(cell.cell.name)
-    with open_bus(client, "live-run") as bus:
+    with open_bus(client, "live-run") as bus, ExitStack() as stack:
         states = bus.subscriber(STATE, queue=100_000)
         health = bus.subscriber(HEALTH)
         load = _SegmenterLoad(bus) if segmenter_load else None
+        stack.enter_context(use_subscriber_scheduling())
         cpu = _CpuMeter()
         end_s = float("inf")
         try:

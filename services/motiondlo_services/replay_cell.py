@@ -3,37 +3,32 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
 from motiondlo.recording.layout import open_recording
 from motiondlo_services.live_run import free_first_port
 
+Scalar = bool | int | float | str
+
 
 def write_replay_cell(
-    path: Path,
-    recording: Path,
-    name: str = "replay",
-    profile: str = "default",
-    batch_us: int | None = None,
-    extra: str = "",
+    path: Path, recording: Path, name: str = "replay", sections: Mapping[str, Mapping[str, Scalar]] | None = None
 ) -> Path:
-    """Write it to ``path``; ``extra``: further TOML. Raises RecordingError when ``recording`` is none.
-
-    Strings of JSON are strings of TOML, so paths are written with json.dumps.
-    """
+    """Write it to ``path``; ``sections``: further values by section. Raises RecordingError for what is no recording."""
     open_recording(recording)
-    lines = [
-        "[cell]",
-        f"name = {json.dumps(name)}",
-        "[replay]",
-        f"recording = {json.dumps(str(recording.resolve()))}",
-        "[bus]",
-        f"first_port = {free_first_port()}",
-        "[event_tracker]",
-        f"profile = {json.dumps(profile)}",
-    ]
-    if batch_us is not None:
-        lines += ["[event_ingest]", f"batch_us = {batch_us}"]
+    document: dict[str, dict[str, Scalar]] = {
+        "cell": {"name": name},
+        "replay": {"recording": str(recording.resolve())},
+        "bus": {"first_port": free_first_port()},
+    }
+    for section, values in (sections or {}).items():
+        document.setdefault(section, {}).update(values)
+    lines = []
+    for section, values in document.items():
+        lines.append(f"[{section}]")
+        # Numbers, truth values and strings are written alike in JSON and TOML.
+        lines += [f"{key} = {json.dumps(value)}" for key, value in values.items()]
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("\n".join(lines) + "\n" + extra, encoding="utf-8")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path

@@ -23,19 +23,22 @@ def run(args: Namespace) -> int:
     from motiondlo_services.live_report import live_figures, print_live_figures
     from motiondlo_services.live_run import play
     from motiondlo_services.replay_cell import write_replay_cell
-    from motiondlo_services.runtime.realtime import use_subscriber_scheduling
 
     if args.json is not None:
         check_writable(args.json)
     with tempfile.TemporaryDirectory(prefix="motiondlo-") as folder:
-        config = write_replay_cell(
-            Path(folder) / "cell.toml", args.recording, profile=args.profile, batch_us=args.update_us
-        )
-        with use_subscriber_scheduling():
-            result = play(config, segmenter_load=args.segmenter_load)
+        config = write_replay_cell(Path(folder) / "cell.toml", args.recording, sections=_sections(args))
+        result = play(config, segmenter_load=args.segmenter_load)
     figures = live_figures(result)
     if args.json is not None:
         write_json(args.json, figures)
     if not args.quiet:
         print_live_figures(figures, title=f"{args.recording.resolve().name}, live")
     return 0
+
+
+def _sections(args: Namespace) -> dict[str, dict[str, bool | int | float | str]]:
+    sections: dict[str, dict[str, bool | int | float | str]] = {"event_tracker": {"profile": args.profile}}
+    if args.update_us is not None:
+        sections["event_ingest"] = {"batch_us": args.update_us}
+    return sections

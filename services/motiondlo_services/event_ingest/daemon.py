@@ -39,7 +39,7 @@ def serve(shell: Shell, bus: Bus) -> None:
     # A restarted ingest goes on where the cell is; a first one waits until the tracker knows its DLOs.
     start_us = _resume_us(bus)
     if start_us < 0:
-        _wait_for_tracker(shell, bus, shell.cell.replay.wait_for_tracker_s)
+        _wait_for_tracker(shell, bus, player, shell.cell.replay.wait_for_tracker_s)
         start_us = 0
 
     # Loop.
@@ -56,6 +56,10 @@ class _Player:
         self._clocks: Publisher[ClockMessage] = bus.publisher(EVENTS_CLOCK)
         self._clock = ClockEstimator()
         self._next_clock_ns = 0
+
+    def has_readers(self) -> bool:
+        """Whether somebody takes the batches."""
+        return self._batches.has_readers()
 
     def play(self, batches: Iterator[EventBatch]) -> None:
         """Until the end, or until told to stop."""
@@ -114,12 +118,12 @@ def _resume_us(bus: Bus) -> int:
     return state.t_us + (time.monotonic_ns() - state.t_sent_ns) // 1000
 
 
-def _wait_for_tracker(shell: Shell, bus: Bus, limit_s: float) -> None:
+def _wait_for_tracker(shell: Shell, bus: Bus, player: _Player, limit_s: float) -> None:
     """Before a recording starts its scene is at rest, so its first shapes can be there at the start."""
     health = bus.subscriber(HEALTH)
     readiness = TrackerReadiness()
     deadline_s = time.monotonic() + limit_s
-    while shell.running and time.monotonic() < deadline_s and not readiness.decided:
+    while shell.running and time.monotonic() < deadline_s and not (readiness.decided and player.has_readers()):
         bus.wait(WAIT_S, health)
         for message in health.drain():
             readiness.on_health(message)

@@ -28,11 +28,14 @@ _MCL_FUTURE = 2
 
 
 def use_scheduling(process: Process) -> str:
-    """Set the row's scheduling class; returns what is in force ("fifo 40", "other 0") for health."""
+    """Set the row's scheduling class for all threads; returns what is in force ("fifo 40", "other 0") for health.
+
+    The bus's own threads count as much as the daemon's: a message that was computed in time and is sent late is late.
+    """
     if process.scheduling == Scheduling.FIFO:
         try:
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(process.priority))
-        except (PermissionError, OSError):
+            _schedule_all_threads(os.SCHED_FIFO, process.priority)
+        except OSError:
             return f"other {os.nice(0)} (SCHED_FIFO not permitted)"
         return f"fifo {process.priority}"
     try:
@@ -44,17 +47,24 @@ def use_scheduling(process: Process) -> str:
 
 @contextmanager
 def use_subscriber_scheduling() -> Iterator[None]:
-    """Receive as a robot's gateway would: under SCHED_FIFO where it is permitted, below the event path.
+    """Receive as a robot's gateway would: all threads under SCHED_FIFO, where permitted, below the event path.
 
-    Child processes do not inherit it.
+    To be entered once the bus is open; processes that are started in it do not inherit it.
     """
     with suppress(OSError):
-        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(_SUBSCRIBER_PRIORITY))
+        _schedule_all_threads(os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, _SUBSCRIBER_PRIORITY)
     try:
         yield
     finally:
         with suppress(OSError):
-            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+            _schedule_all_threads(os.SCHED_OTHER, 0)
+
+
+def _schedule_all_threads(policy: int, priority: int) -> None:
+    """Raises OSError (PermissionError) where it is not permitted."""
+    for thread_id in os.listdir("/proc/self/task"):
+        with suppress(ProcessLookupError):  # it has ended meanwhile
+            os.sched_setscheduler(int(thread_id), policy, os.sched_param(priority))
 
 
 def lock_memory() -> bool:
