@@ -28,8 +28,12 @@ def run(args: Namespace) -> int:
         table.add_column("")
         table.add_column("")
         for name, value in facts.items():
-            if isinstance(value, dict):
-                value = ", ".join(f"{key} {count}" for key, count in value.items()) or "none"
-            table.add_row(name.replace("_", " "), str(value))
+            table.add_row(name.replace("_", " "), _shown(value))
         console().print(table)
     return 0
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {count}" for key, count in value.items()) or "none"
+    return str(value)
