@@ -96,7 +96,7 @@ def edge_strength(strip: Strip) -> FloatArray:
     """
     g = _gradient(strip.ratio)
     board = np.median((strip.image + CODE_OFFSET) / np.maximum(strip.ratio, 1e-3), axis=(0, 1))
-    g = np.minimum(g, _gradient(strip.image / board.astype(np.float32)))
+    g = np.minimum(g, _gradient(np.asarray(strip.image / board, dtype=np.float32)))
     g[~strip.known] = 0.0
     return g
 

@@ -18,7 +18,7 @@ from motiondlo.frames.instances import Dlo, classify_ends, join_segments, make_i
 from motiondlo.frames.mask_cleaning import adaptive_closing, clean_mask, remove_small
 from motiondlo.frames.masks import Mask, MaskSet, fit_mask, union
 from motiondlo.frames.params import FrameParams
-from motiondlo.frames.segments import Segment, is_plausible, measure_segment, without_repeats
+from motiondlo.frames.segments import Segment, is_plausible, measure_segment, without_overlaps, without_repeats
 from motiondlo.frames.skeleton_graph import build_graph, distance_inside, prune_spurs, skeletonise
 from motiondlo.frames.strip import Scene
 from motiondlo.frames.traversal import Chain, traverse
@@ -139,7 +139,7 @@ def measure_chains(scene: Scene, chains: list[Chain], mask: Mask, params: FrameP
             continue
         if is_plausible(segment, mask, scene.board.scale, params.instance):
             segments.append(segment)
-    return without_repeats(segments)
+    return without_overlaps(without_repeats(segments))
 
 
 def find_faint(scene: Scene, found: list[Segment], obstacles: Mask | None, params: FrameParams) -> list[Segment]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -142,6 +142,36 @@ def without_repeats(segments: list[Segment]) -> list[Segment]:
         if not repeated:
             kept.append(segment)
     return kept
+
+
+def without_overlaps(segments: list[Segment]) -> list[Segment]:
+    """Cut ends back that run over the end of another piece in line with them, so that the two can be joined there.
+
+    A mask with a gap gives two pieces of one DLO; both ends are followed through the gap, and pass each other.
+    """
+    result = list(segments)
+    for i in range(len(result)):
+        for j in range(len(result)):
+            if i == j:
+                continue
+            segment, other = result[i], result[j]
+            distance, place = project(segment.centre, other.centre)
+            near = distance < 0.4 * min(segment.width, other.width)
+            for side in (0, 1):
+                order = near if side == 0 else near[::-1]
+                count = int(np.argmin(order)) if not order.all() else 0
+                if count < 2:
+                    continue
+                run = place[:count] if side == 0 else place[len(place) - count :]
+                # In line: the run covers as much of the other as of this one, up to the other's end.
+                at_end = min(float(run.min()), other.length - float(run.max())) < 0.5 * other.width
+                own = float(arc_length(segment.centre[:count] if side == 0 else segment.centre[-count:])[-1])
+                if at_end and np.ptp(run) > 0.7 * own:
+                    keep = slice(count, None) if side == 0 else slice(None, len(segment.centre) - count)
+                    if len(segment.centre[keep]) >= 8:
+                        result[i] = replace(segment, centre=segment.centre[keep], sigma=segment.sigma[keep])
+                        break
+    return result
 
 
 def sharpest_turn(centre: FloatArray, span_px: float) -> float:
