@@ -130,7 +130,7 @@ EVENTS_CLOCK: Final[Topic[ClockMessage]] = Topic(
     shared_memory=False,
     max_payload_bytes=4 * KIB,
     owner="event-ingest",
-    readers=("frame-capture", "fusion", "recorder", "clients"),
+    readers=("recorder", "clients"),
     last_value=True,
 )
 
@@ -206,7 +206,7 @@ STATE: Final[Topic[StateMessage]] = Topic(
     shared_memory=False,
     max_payload_bytes=4 * MIB,
     owner="fusion",
-    readers=("gateway", "monitor", "recorder", "clients"),
+    readers=("event-ingest", "gateway", "monitor", "recorder", "clients"),
     last_value=True,
 )
 
@@ -222,7 +222,7 @@ HEALTH: Final[Topic[HealthMessage]] = Topic(
     shared_memory=False,
     max_payload_bytes=256 * KIB,
     owner="each daemon",
-    readers=("fusion", "monitor", "recorder", "clients"),
+    readers=("event-ingest", "monitor", "recorder", "clients"),
     last_value=True,
 )
 
@@ -238,7 +238,7 @@ ALIVE: Final[Topic[Message]] = Topic(
     shared_memory=False,
     max_payload_bytes=0,
     owner="each daemon",
-    readers=("fusion", "monitor", "clients"),
+    readers=("monitor", "clients"),
 )
 
 COMMAND: Final[Topic[CommandRequest]] = Topic(
