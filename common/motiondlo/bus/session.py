@@ -190,7 +190,8 @@ def open_bus(config: BusConfig, source: str) -> Iterator[Bus]:
     if not is_name(source):
         raise BusError(f"{source!r} is no name of a program.", "Use letters, digits, '_', '-' and '.'.")
     # zenoh logs to standard output, between a program's own lines: only if the environment (RUST_LOG) asks for it.
-    zenoh.try_init_log_from_env()
+    init_log: Any = zenoh.try_init_log_from_env
+    init_log()
     why_not = "" if config.shared_memory else "switched off in the configuration"
     why_not = why_not or memlock_problem(READABLE_POOLS_MIB * MIB)
     with _open(config, not why_not) as session:
