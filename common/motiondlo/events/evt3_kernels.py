@@ -47,6 +47,7 @@ from motiondlo.events.time_word_kernels import (
     S_K,
     S_K_DONE,
     S_LOW,
+    S_LOW_BEFORE,
     S_LOW_DONE,
     S_MEAN_STEP_16,
     S_MODE,
@@ -58,14 +59,20 @@ from motiondlo.events.time_word_kernels import (
     S_ROW,
     S_STEP_US,
     S_SUSPECT,
+    S_SUSPECT_FRESH,
     S_T_US,
     S_WIDTH,
     S_WORD,
+    SUSPECT_AHEAD,
+    SUSPECT_BACK,
+    SUSPECT_LOW,
     SUSPECT_NONE,
     TRIGGERS_PENDING_MAX,
     confirm,
     disprove,
+    is_dense,
     is_sound,
+    suspect_from_here,
     time_high,
 )
 
@@ -114,12 +121,17 @@ def _lose_place(state: Int64Array, mode: int) -> None:
 
 
 @numba.njit(**_NUMBA)
+def _revert(state: Int64Array, counts: Int64Array) -> None:
+    disprove(state, counts)
+    _drop(state, counts)
+    _set_time(state)
+
+
+@numba.njit(**_NUMBA)
 def settle_before_damage(state: Int64Array, counts: Int64Array) -> None:
     """Keep or drop the group that was being decoded when damage showed: keep it if its time is in line."""
     if state[S_SUSPECT] != SUSPECT_NONE and not is_sound(state):
-        disprove(state, counts)
-        _drop(state, counts)
-        _set_time(state)
+        _revert(state, counts)
     elif state[S_MODE] == MODE_SYNC:
         confirm(state, counts)
         if _step_is_usual(state, state[S_STEP_US]):
@@ -134,24 +146,51 @@ def settle_before_damage(state: Int64Array, counts: Int64Array) -> None:
 @numba.njit(**_NUMBA)
 def _time_low(state: Int64Array, counts: Int64Array, low: int) -> None:
     mode = state[S_MODE]
-    last = state[S_LOW]
     if mode == MODE_SYNC:
-        suspect = state[S_SUSPECT] != SUSPECT_NONE
+        suspect = state[S_SUSPECT]
+        if suspect in (SUSPECT_AHEAD, SUSPECT_BACK) and state[S_SUSPECT_FRESH]:
+            state[S_SUSPECT_FRESH] = 0
+            if is_dense(state) and 0 <= low - state[S_LOW_BEFORE] <= JITTER_US:
+                # time goes on as if there had been no time high: it was made up
+                _revert(state, counts)
+        elif (
+            suspect == SUSPECT_LOW
+            and low < state[S_LOW]
+            and state[S_N] + state[S_K] > state[S_N_DONE] + state[S_K_DONE]
+        ):
+            _revert(state, counts)
+        suspect = state[S_SUSPECT]
+        last = state[S_LOW]
         step = low - last
         if step >= 0:
-            if not suspect:
+            if suspect == SUSPECT_NONE:
                 _commit(state)
                 state[S_MEAN_STEP_16] += state[S_STEP_US] - (state[S_MEAN_STEP_16] >> 4)
                 state[S_LOW_DONE] = last
+                if is_dense(state) and step > 2 * JITTER_US and not _step_is_usual(state, step):
+                    suspect_from_here(state)
+                    state[S_SUSPECT] = SUSPECT_LOW
             state[S_STEP_US] = step
+        elif step >= -JITTER_US and state[S_N] == state[S_N_DONE] and state[S_K] == state[S_K_DONE]:
+            # harmless disorder of markers
+            state[S_STEP_US] = max(state[S_STEP_US] + step, 0)
+        elif step >= -JITTER_US and suspect != SUSPECT_NONE:
+            counts[C_TIME_BACKWARDS] += 1
+            return
+        elif step >= -JITTER_US and low < state[S_LOW_DONE]:
+            # this word is out of line: what follows it is skipped, the place is kept
+            counts[C_TIME_BACKWARDS] += 1
+            _commit(state)
+            state[S_MODE] = MODE_NEED_ANY
+            state[S_BUDGET] = SHORT_DAMAGE_WORDS
+            return
         elif step >= -JITTER_US:
-            if state[S_N] > state[S_N_DONE] or state[S_K] > state[S_K_DONE]:
-                counts[C_TIME_BACKWARDS] += 1
-            if not suspect:
-                _commit(state)
-        elif suspect:
-            disprove(state, counts)
+            # the word before was out of line
+            counts[C_TIME_BACKWARDS] += 1
             _drop(state, counts)
+            state[S_STEP_US] = low - state[S_LOW_DONE]
+        elif suspect != SUSPECT_NONE:
+            _revert(state, counts)
             _lose_place(state, MODE_NEED_HIGH)
             return
         elif low >= state[S_LOW_DONE] and not _step_is_usual(state, state[S_STEP_US]):
@@ -175,9 +214,10 @@ def _time_low(state: Int64Array, counts: Int64Array, low: int) -> None:
         state[S_MODE] = MODE_SYNC
         _set_time(state)
     elif mode == MODE_NEED_ANY:
-        if state[S_BUDGET] > 0 and low >= last and _step_is_usual(state, low - last):
-            state[S_STEP_US] = low - last
-            state[S_LOW_DONE] = last
+        step = low - state[S_LOW]
+        if state[S_BUDGET] > 0 and step >= 0 and _step_is_usual(state, step):
+            state[S_STEP_US] = step
+            state[S_LOW_DONE] = state[S_LOW]
             state[S_LOW] = low
             state[S_MODE] = MODE_SYNC
             _set_time(state)
@@ -291,7 +331,7 @@ def decode_evt3(
         elif kind == 3:
             base_x = word & 0x7FF
             base_p = (word >> 11) & 1
-        elif kind == 6 and believed and (word & 0xFFF) >= low:
+        elif kind == 6 and believed and 0 <= (word & 0xFFF) - low <= JITTER_US:
             # _time_low for the usual case, kept in registers
             if n > n_done or k > k_done:
                 floor_us = max(floor_us, t_us)

@@ -16,7 +16,7 @@ ByteArray = npt.NDArray[np.uint8]
 FORMAT_EVT3, FORMAT_EVT2, FORMAT_EVT21, FORMAT_EVT21_SWAPPED = 0, 1, 2, 3
 
 # Random data passes by chance with probability 0.75 a word in EVT3, 0.375 in EVT2 and EVT2.1.
-RUN_WORDS = 32
+RUN_WORDS = 48
 RUN_WORDS_AT_END = 12
 """What is enough where the stream ends."""
 

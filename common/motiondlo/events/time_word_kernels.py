@@ -1,7 +1,7 @@
 """The camera's time words: unrolling, and doubt about those that do not follow from the ones before.
 
 Both EVT2 and EVT3 send the upper part of the time ("time high") in words of its own. A time high that repeats the last
-one or follows it closely is believed at once. Any other may be damage, a gap, or a clock that stepped back: it becomes
+one or follows it is believed at once. Any other may be damage, a gap, or a clock that stepped back: it becomes
 a suspect, and what is decoded under it is held back until a later time high continues one of the two, or until enough
 sound words have followed: damage does not stay sound for long.
 
@@ -42,16 +42,18 @@ S_LOW_DONE = 22  # time low of the last confirmed group
 S_BUDGET = 23  # words within which a time low alone may end a short damage
 S_LOW_BITS = 24
 S_HIGH_MOD = 25
-S_NEAR = 26  # time highs ahead by this much at most are believed at once
+S_NEAR = 26  # time highs ahead of another by this much at most speak for it
 S_WIDTH = 27
 S_HEIGHT = 28
 S_WORD = 29  # words decoded so far
 S_SUSPECT_WORD = 30  # where the suspect appeared
-S_COUNT = 31
+S_SUSPECT_FRESH = 31  # no time low has come since
+S_COUNT = 32
 
 MODE_START, MODE_SYNC, MODE_NEED_LOW, MODE_NEED_ANY, MODE_NEED_HIGH = 0, 1, 2, 3, 4
 ROW_UNKNOWN, ROW_OUTSIDE = -1, -2
 SUSPECT_NONE, SUSPECT_AHEAD, SUSPECT_BACK = 0, 1, 2
+SUSPECT_LOW = 3  # a time low far ahead: a hole that may have swallowed time highs, which the next one will show
 
 HIGH_REPEATED, HIGH_ADVANCED, HIGH_SUSPECT, HIGH_SUSPECT_STILL = 0, 1, 2, 3
 HIGH_DISPROVED = 8
@@ -59,7 +61,7 @@ HIGH_DISPROVED = 8
 PENDING_MAX = 1 << 18
 """Events held back at most while a time is in doubt; then it is believed."""
 TRIGGERS_PENDING_MAX = 1 << 12
-SOUND_WORDS = 32
+SOUND_WORDS = 64
 """Sound words after which a suspect is believed if no time high speaks clearly for it or against it."""
 JITTER_US = 64
 """Sensors order their time words to within this (a 1 kHz marker of the IMX636 family is up to 15 us early)."""
@@ -72,7 +74,7 @@ Int64Array = npt.NDArray[np.int64]
 def confirm(state: Int64Array, counts: Int64Array) -> None:
     """Believe the suspect, and count what it was."""
     if state[S_SUSPECT] == SUSPECT_AHEAD:
-        counts[C_GAP] += 1
+        counts[C_GAP] += state[S_HIGH] > state[S_HIGH_BEFORE] + 1
         counts[C_WRAP] += state[S_WRAPPED]
     elif state[S_SUSPECT] == SUSPECT_BACK:
         counts[C_TIME_BACKWARDS] += 1
@@ -90,9 +92,25 @@ def disprove(state: Int64Array, counts: Int64Array) -> None:
 
 
 @numba.njit(**_NUMBA)
+def suspect_from_here(state: Int64Array) -> None:
+    """Remember the clock as it is, to return to."""
+    state[S_HIGH_BEFORE] = state[S_HIGH]
+    state[S_LOW_BEFORE] = state[S_LOW]
+    state[S_OFFSET_BEFORE_US] = state[S_OFFSET_US]
+    state[S_SUSPECT_WORD] = state[S_WORD]
+    state[S_SUSPECT_FRESH] = 0
+
+
+@numba.njit(**_NUMBA)
 def is_sound(state: Int64Array) -> bool:
     """Whether enough sound words have followed the suspect."""
     return bool(state[S_WORD] - state[S_SUSPECT_WORD] >= SOUND_WORDS)
+
+
+@numba.njit(**_NUMBA)
+def is_dense(state: Int64Array) -> bool:
+    """Whether time words follow one another so closely that a leap is remarkable."""
+    return bool(state[S_MEAN_STEP_16] <= 16 * JITTER_US // 2)
 
 
 @numba.njit(**_NUMBA)
@@ -114,7 +132,13 @@ def time_high(state: Int64Array, counts: Int64Array, value: int) -> int:
         return HIGH_ADVANCED
     flags = 0
     current = state[S_HIGH] % mod
-    if state[S_SUSPECT] != SUSPECT_NONE:
+    if state[S_SUSPECT] == SUSPECT_LOW:
+        if (value - current) % mod <= 1:
+            confirm(state, counts)
+        else:
+            disprove(state, counts)
+            flags = HIGH_DISPROVED
+    elif state[S_SUSPECT] != SUSPECT_NONE:
         before = state[S_HIGH_BEFORE] % mod
         from_suspect = (value - current) % mod
         from_before = (value - before) % mod
@@ -139,18 +163,14 @@ def time_high(state: Int64Array, counts: Int64Array, value: int) -> int:
     if step == 0:
         return HIGH_REPEATED | flags
     wrapped = 1 if step > value - current else 0
-    if 0 < step <= state[S_NEAR]:
+    if step == 1 and not (is_dense(state) and state[S_LOW] < (1 << state[S_LOW_BITS]) - 4 * JITTER_US):
         state[S_HIGH] += step
         state[S_LOW] = 0
         counts[C_WRAP] += wrapped
-        if step > 1:
-            counts[C_GAP] += 1
         return HIGH_ADVANCED | flags
-    state[S_HIGH_BEFORE] = state[S_HIGH]
-    state[S_LOW_BEFORE] = state[S_LOW]
-    state[S_OFFSET_BEFORE_US] = state[S_OFFSET_US]
+    suspect_from_here(state)
     state[S_WRAPPED] = wrapped
-    state[S_SUSPECT_WORD] = state[S_WORD]
+    state[S_SUSPECT_FRESH] = 1
     now_us = (state[S_HIGH] << state[S_LOW_BITS]) + state[S_LOW] + state[S_OFFSET_US]
     state[S_HIGH] += step
     state[S_LOW] = 0
