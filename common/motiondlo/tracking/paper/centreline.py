@@ -16,14 +16,14 @@ from motiondlo.tracking.paper.morphology import Mask
 FloatArray = npt.NDArray[np.float64]
 
 _FEWEST_CELLS = 20
-_MOST_CELLS = 4000
+_MOST_CELLS = 2000
 _SMOOTHING_BINS = 2.0
 
 
 def pca_centreline(mask: Mask, bins: int) -> FloatArray | None:
     """Median across the principal axis in ``bins`` bins of equally many cells, ordered along the axis.
 
-    mask: (h, w) uint8 0/1. Returns (bins', 2) float64 cell coordinates (column, row), from the first to the last cell
+    mask: (h, w) uint8 0/1. Returns (K, 2) float64 cell coordinates (column, row), from the first to the last cell
     along the axis; None for fewer than 20 cells or a mask without extent.
     """
     row, column = np.nonzero(mask)
@@ -34,16 +34,17 @@ def pca_centreline(mask: Mask, bins: int) -> FloatArray | None:
         row, column = row[every], column[every]
     points = np.stack([column, row], axis=1).astype(np.float64)
     mean = points.mean(axis=0)
-    _, axes = np.linalg.eigh(np.cov((points - mean).T))
-    along, across = (points - mean) @ axes[:, 1], (points - mean) @ axes[:, 0]
+    centred = points - mean
+    _, axes = np.linalg.eigh(centred.T @ centred)
+    along, across = centred @ axes[:, 1], centred @ axes[:, 0]
     if np.ptp(along) < 2.0:
         return None
-    order = np.argsort(along, kind="stable")
-    parts = np.array_split(order, min(bins, len(order) // 5))
-    t = np.array([along[part].mean() for part in parts])
-    n = np.array([np.median(across[part]) for part in parts])
-    if len(t) < 4:
+    order = np.argsort(along)
+    each = max(len(order) // bins, 5)
+    full = order[: len(order) // each * each].reshape(-1, each)
+    if len(full) < 4:
         return None
+    t = along[full].mean(axis=1)
+    n = gaussian_filter1d(np.median(across[full], axis=1), _SMOOTHING_BINS, mode="nearest")
     t[0], t[-1] = along[order[0]], along[order[-1]]
-    n = gaussian_filter1d(n, _SMOOTHING_BINS, mode="nearest")
     return np.asarray(mean + t[:, None] * axes[:, 1] + n[:, None] * axes[:, 0], dtype=np.float64)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from motiondlo.geometry.curve import arc_length, resample
+from motiondlo.geometry.curve import arc_length, point_at, project, resample
 from motiondlo.tracking.paper.params import PaperParams
 
 FloatArray = npt.NDArray[np.float64]
@@ -46,6 +46,40 @@ def extend_ends(
     if tail > _SHORTEST_EXTENSION_PX:
         extended = np.concatenate([extended, nodes[-1:] + tail * _outward(nodes)])
     return resample(extended, len(nodes))
+
+
+def within_reach(points: FloatArray, expected: FloatArray, rest_length_px: float, diameter_px: float) -> FloatArray:
+    """Leave out observations that lie further beyond an end than the DLO can reach.
+
+    What holds the DLO moves with it and is seen in line with it: its observations would draw the chain along, update by
+    update, without its ever becoming too long. points: (N, 2) observations, expected: (M, 2) predicted nodes.
+    rest_length_px: known length, 0 for none (then nothing is left out). Returns (N', 2).
+    """
+    if rest_length_px <= 0.0:
+        return points
+    distance, s = project(points, expected)
+    length = float(arc_length(expected)[-1])
+    reach = max(diameter_px / 2.0, rest_length_px - length)
+    beyond = (s <= 0.0) | (s >= length)
+    return points[~beyond | (distance <= reach)]
+
+
+def within_length(nodes: FloatArray, expected: FloatArray, rest_length_px: float, tolerance: float) -> FloatArray:
+    """Cut a curve that has become longer than the DLO is (paper, "Problem Statement": L_t is about l at all times).
+
+    Observations of what holds the DLO (a gripper and its arm move too) draw an end beyond its place. Of all pieces with
+    the longest length allowed, the one whose ends are nearest to the expected ends is kept, so that the nodes stay
+    where they were along the DLO. nodes, expected: (M, 2). rest_length_px: known length, 0 for none. Returns (M, 2).
+    """
+    s = arc_length(nodes)
+    longest = rest_length_px * (1.0 + tolerance)
+    if rest_length_px <= 0.0 or s[-1] <= longest:
+        return nodes
+    starts = np.linspace(0.0, s[-1] - longest, 33)
+    heads, tails = point_at(nodes, starts), point_at(nodes, starts + longest)
+    miss = ((heads - expected[0]) ** 2).sum(axis=1) + ((tails - expected[-1]) ** 2).sum(axis=1)
+    start = float(starts[int(miss.argmin())])
+    return point_at(nodes, np.linspace(start, start + longest, len(nodes)))
 
 
 def _outward(nodes: FloatArray) -> FloatArray:

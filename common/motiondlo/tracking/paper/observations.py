@@ -41,13 +41,15 @@ def observe(
     region: Region,
     diameter_px: float,
     expected: FloatArray | None,
+    rest_length_px: float,
     params: PaperParams,
     clock: StageClock,
 ) -> Observations | None:
     """Extract both representations, take the better one, resample it to N points.
 
     mask: (h, w) uint8 0/1 on the region's cells. expected: (M, 2) event px, the predicted curve by which the parts of
-    the skeleton are put into order, or None. Returns None when the mask holds no line.
+    the skeleton are put into order, or None. rest_length_px: the DLO's known length, 0 for none. Returns None when the
+    mask holds no line.
     """
     diameter_cells = diameter_px / region.cell_px
     candidates: list[tuple[float, list[FloatArray], bool]] = []
@@ -67,7 +69,12 @@ def observe(
     _, paths, from_skeleton = max(candidates, key=lambda c: (c[0], c[2]))
     lines = [region.to_pixels(path) for path in paths]
     ordered = lines if expected is None else _along(expected, lines)
-    points = spread_over(ordered, params.observations)
+    count = params.observations
+    if rest_length_px > 0.0:
+        # N points are for the whole DLO: a part of it must not draw the nodes near it with the force of the whole.
+        seen_px = sum(float(arc_length(line)[-1]) for line in ordered)
+        count = max(round(count * min(seen_px / rest_length_px, 1.0)), 2)
+    points = spread_over(ordered, count)
     clock.lap("observations")
     return Observations(points, lines[0], from_skeleton)
 

@@ -19,7 +19,9 @@ class PaperParams(BaseModel):
     noise_filter: bool = Field(default=True, description="spatio-temporal noise filter; off: every event counts")
     polarity_separated: bool = Field(default=True, description="a time surface per polarity; off: one for both")
     adaptive_decay: bool = Field(default=True, description="decay time from the event rate; off: tau_fixed_us")
-    motion_limited_decay: bool = Field(default=True, description="ages only up to the time of moving by one diameter")
+    motion_limited_decay: bool = Field(
+        default=True, description="ages only up to the time of moving by trail_diameters"
+    )
     region_of_interest: bool = Field(default=True, description="only pixels near the predicted curve; off: all pixels")
     diameter_scaled_morphology: bool = Field(default=True, description="kernels from the diameter; off: fixed ones")
     pca_centreline: bool = Field(default=True, description="centreline along the mask's principal axis")
@@ -35,6 +37,7 @@ class PaperParams(BaseModel):
     node_visibility: bool = Field(default=True, description="visibility factor of the nodes in the E-step")
     correspondence_prior: bool = Field(default=True, description="visible nodes held near the pre-pass result")
     endpoint_extension: bool = Field(default=True, description="both ends extended to the last observation")
+    length_limit: bool = Field(default=True, description="a curve longer than the known length is cut")
     reinit_on_drift: bool = Field(default=True, description="trigger: nodes far from the observations")
     reinit_on_stuck_span: bool = Field(default=True, description="trigger: nodes collapsed onto a cluster")
     reinit_on_stagnation: bool = Field(default=True, description="trigger: sigma2 saturated and nodes at rest")
@@ -56,6 +59,7 @@ class PaperParams(BaseModel):
     tau_fixed_us: int = Field(default=20_000, ge=100, le=1_000_000, description="decay without adaptation")
     rate_low_hz: float = Field(default=50_000.0, gt=0, le=1e9, description="event rate for tau_max_us")
     rate_high_hz: float = Field(default=200_000.0, gt=0, le=1e9, description="event rate for tau_min_us")
+    trail_diameters: float = Field(default=0.25, gt=0, le=10, description="longest trail of a moving DLO")
     recentness_min: float = Field(default=0.05, gt=0, lt=1, description="lower clamp of the Otsu threshold (paper)")
     recentness_max: float = Field(default=0.15, gt=0, lt=1, description="upper clamp of the Otsu threshold (paper)")
 

@@ -78,13 +78,14 @@ def oldest_age_us(recentness: float, tau_us: float) -> float:
 
 
 def longest_ages_us(
-    velocity_px_s: npt.NDArray[np.float64], nodes: npt.NDArray[np.float64], diameter_px: float, shortest_us: float
+    velocity_px_s: npt.NDArray[np.float64], nodes: npt.NDArray[np.float64], distance_px: float, shortest_us: float
 ) -> npt.NDArray[np.float64]:
-    """How long each segment of the DLO takes to move by one diameter across its own line (the motion-limited decay).
+    """How long each segment of the DLO takes to move by ``distance_px`` across its own line (motion-limited decay).
 
     The paper's decay is "adaptive" without a rule for fast motion, and 15 ms at 7 px/ms would be a trail of 200 px with
-    the DLO at its front. What fired within this time lies between the leading edge and one diameter behind it: on the
-    DLO. velocity_px_s, nodes: (M, 2). Returns (M - 1,) us, at least ``shortest_us``, inf at rest.
+    the DLO at its front. Both edges leave a trail as long as the oldest age; what remains between them is closed by the
+    morphology, and the centre of it all lags by half the trail. velocity_px_s, nodes: (M, 2). Returns (M - 1,) us, at
+    least ``shortest_us``, inf at rest.
     """
     middle = 0.5 * (velocity_px_s[1:] + velocity_px_s[:-1])
     step = np.diff(nodes, axis=0)
@@ -92,5 +93,5 @@ def longest_ages_us(
     across = np.abs(middle[:, 0] * step[:, 1] - middle[:, 1] * step[:, 0]) / length
     ages = np.full(len(across), np.inf)
     moves = across > 1e-6
-    ages[moves] = diameter_px / across[moves] * 1e6
+    ages[moves] = distance_px / across[moves] * 1e6
     return np.asarray(np.maximum(ages, shortest_us), dtype=np.float64)

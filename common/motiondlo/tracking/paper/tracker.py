@@ -13,7 +13,7 @@ from motiondlo.geometry.curve import arc_length, resample
 from motiondlo.rejects import RejectReason
 from motiondlo.tracking.correction_gate import CorrectionGate
 from motiondlo.tracking.paper.blending import innovation, runs_backwards
-from motiondlo.tracking.paper.endpoints import extend_ends
+from motiondlo.tracking.paper.endpoints import extend_ends, within_length, within_reach
 from motiondlo.tracking.paper.event_mask import active_cells, active_ratio, refined
 from motiondlo.tracking.paper.geodesic import (
     chain_coordinates,
@@ -39,6 +39,8 @@ FloatArray = npt.NDArray[np.float64]
 # A centreline of less than this share of the known length, as far as that lies in the image, is a part of the DLO: no
 # place to start the whole anew from.
 _RESTART_SHARE = 0.7
+# Observations nearer to the curve than this, on average, are explained by it.
+_EXPLAINED_DIAMETERS = 0.3
 # Without a track the whole sensor is looked at, every so many updates.
 _SEARCH_EVERY = 5
 _SELF_STARTED_ID = 0
@@ -101,8 +103,11 @@ class PaperTracker:
             self._self_started = False
         track = self._tracks.get(correction.id)
         diameter_px = correction.diameter_px or (track.diameter_px if track else self._params.default_diameter_px)
+        since_us = now_us
         if track is None:
+            # The first shape holds from its frame on: until then nobody knew of the DLO.
             track = self._new_track(correction.id, correction.nodes, diameter_px)
+            since_us = min(correction.t_us, now_us)
         else:
             track.start(correction.nodes)
             track.reinitialised += 1
@@ -111,8 +116,8 @@ class PaperTracker:
         track.t_corrected_us = correction.t_us
         track.source = TrackSource.FRAME
         track.confidence = 1.0
-        self._gate.started(track.id, now_us)
-        self._gate.history(track.id).record(now_us, track.past())
+        self._gate.started(track.id, since_us)
+        self._gate.history(track.id).record(since_us, track.past())
 
     def _blend(self, correction: Correction) -> None:
         track = self._tracks[correction.id]
@@ -238,7 +243,9 @@ class PaperTracker:
         region = self._region(track, predicted, float(np.hypot(*(predicted - track.nodes).T).max()))
         longest_us = None
         if p.motion_limited_decay and p.region_of_interest:
-            longest_us = longest_ages_us(track.velocity_px_s, predicted, track.diameter_px, float(p.period_us))
+            longest_us = longest_ages_us(
+                track.velocity_px_s, predicted, p.trail_diameters * track.diameter_px, float(p.period_us)
+            )
         active = None
         self._rho = 0.0
         if region is not None:
@@ -255,7 +262,7 @@ class PaperTracker:
         if region is not None and active is not None:
             mask = refined(active, region, track.diameter_px, p)
             clock.lap("morphology")
-            seen = observe(mask, region, track.diameter_px, predicted, p, clock)
+            seen = observe(mask, region, track.diameter_px, predicted, track.rest_length_px, p, clock)
         if seen is None or not self._register(track, predicted, seen, now_us, dt_us, tau_us, clock):
             coasting = respaced(predicted)
             track.nodes = track.nodes if coasting is None else coasting
@@ -284,14 +291,19 @@ class PaperTracker:
         """Register, extend, and start anew where a trigger fires; False when there was nothing to register to."""
         p = self._params
         judged = track.in_image(self._geometry)
-        result = register(predicted, seen.points, track.sigma2_px2, p)
+        points = seen.points
+        if p.length_limit:
+            points = within_reach(points, predicted, track.rest_length_px, track.diameter_px)
+        result = register(predicted, points, track.sigma2_px2, p) if len(points) >= 3 else None
         clock.lap("registration")
         if result is None:
             return False
         before = track.nodes
         nodes = respaced(result.nodes)
+        if nodes is not None and p.length_limit:
+            nodes = within_length(nodes, predicted, track.rest_length_px, p.length_tolerance)
         if nodes is not None and p.endpoint_extension:
-            nodes = extend_ends(nodes, seen.points, track.diameter_px, track.rest_length_px, p)
+            nodes = extend_ends(nodes, points, track.diameter_px, track.rest_length_px, p)
         clock.lap("endpoint_extension")
         if nodes is None:
             return False
@@ -302,6 +314,9 @@ class PaperTracker:
         )
         shift_px = float(np.hypot(*(result.nodes - predicted).T).mean())
         residual_px = float(result.support[judged].mean()) if judged.any() else 0.0
+        if result.residual_px < _EXPLAINED_DIAMETERS * track.diameter_px:
+            # Every observation lies on the curve: the nodes without any are at rest or hidden, not lost.
+            residual_px = min(residual_px, result.residual_px)
         trigger = track.recovery.check(nodes, residual_px, shift_px, result.sigma2_px2)
         if trigger is not None and self._restart(track, now_us, tau_us, clock):
             track.recovery.count(trigger)
@@ -319,7 +334,9 @@ class PaperTracker:
         line: FloatArray | None = None
         if region is not None:
             active = active_cells(self._surface.last_us, region, now_us, tau_us, track.diameter_px, p)
-            seen = observe(refined(active, region, track.diameter_px, p), region, track.diameter_px, None, p, clock)
+            seen = observe(
+                refined(active, region, track.diameter_px, p), region, track.diameter_px, None, 0.0, p, clock
+            )
             if seen is not None:
                 in_image = float(track.in_image(self._geometry).mean())
                 shortest = max(_RESTART_SHARE * in_image * track.rest_length_px, p.stuck_span_px)
@@ -329,7 +346,10 @@ class PaperTracker:
         if line is None:
             clock.lap("reinitialisation")
             return False
-        track.start(line[::-1] if runs_backwards(track.nodes, line) else line)
+        line = resample(line[::-1] if runs_backwards(track.nodes, line) else line, p.nodes)
+        if p.length_limit:
+            line = within_length(line, track.nodes, track.rest_length_px, p.length_tolerance)
+        track.start(line)
         track.reinitialised += 1
         self._gate.started(track.id, now_us)
         clock.lap("reinitialisation")
@@ -349,7 +369,7 @@ class PaperTracker:
         clock.lap("recentness")
         mask = refined(active, region, p.default_diameter_px, p)
         clock.lap("morphology")
-        seen = observe(mask, region, p.default_diameter_px, None, p, clock)
+        seen = observe(mask, region, p.default_diameter_px, None, 0.0, p, clock)
         long_enough = seen is not None and arc_length(seen.path)[-1] >= p.start_length_diameters * p.default_diameter_px
         self._lines_in_a_row = self._lines_in_a_row + 1 if long_enough else 0
         if seen is None or self._lines_in_a_row < p.start_updates:
