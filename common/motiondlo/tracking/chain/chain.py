@@ -8,7 +8,7 @@ import numpy.typing as npt
 from motiondlo.events.types import SensorGeometry
 from motiondlo.frames.types import EndKind
 from motiondlo.geometry.curve import arc_length
-from motiondlo.tracking.chain import filter_kernels, profile_kernels
+from motiondlo.tracking.chain import filter_kernels, near_kernels, profile_kernels
 from motiondlo.tracking.chain.ends import EXTRAS_PER_END, End, PatchScratch
 from motiondlo.tracking.chain.params import ChainParams
 from motiondlo.tracking.chain.spline import fit, weights
@@ -20,6 +20,13 @@ FloatArray = npt.NDArray[np.float64]
 _LINES = 3
 _LINE_PX = 3.0
 _RIM_PX = 4.0
+_RESTING_PX_MS = 0.3
+_SLEEP_MS = 40.0
+_WATCH_US = 4000
+_SHADOW_PX = 24.0
+# A gripper's arm goes on behind it: this far, and so wide.
+_ARM_PX = 300.0
+_ARM_HALF_PX = 60.0
 
 
 class Chain:
@@ -38,12 +45,21 @@ class Chain:
         self.boost = 1.0
         self.motion = 0.0
         self.still_ms = 1000.0
+        self.asleep = False
+        self.foreign = np.zeros(self.S, np.bool_)
+        self._foreign_count = 0
+        self._state: TrackState | None = None
         self.fit_px = 0.0
         self.observed = 0.0
         self.prepended = 0
         self.reinitialised = 0
         self.t_corrected_us = -1
         self.confidence = 1.0
+
+    def touch(self) -> None:
+        """The state was changed from outside an update: report it anew."""
+        self._state = None
+        filter_kernels.place(self.x, self.K, self.j0, self.w, self.w1, self.w2, self.g)
 
     @property
     def scratch_row(self) -> FloatArray:
@@ -210,8 +226,36 @@ class Chain:
 
     # one update
 
+    @property
+    def moves(self) -> bool:
+        """Whether the DLO is known to move now."""
+        return not self.asleep and self.still_ms == 0.0 and float(np.abs(self.g[:, 4:6]).max()) > _RESTING_PX_MS
+
+    def mark(self, grid: npt.NDArray[np.uint32], bit: int) -> None:
+        """Claim the tiles of the DLO, of its shadow and of what holds it."""
+        near_kernels.mark(grid, self.g, self.radius_px + _SHADOW_PX, bit)
+        for end in self.ends:
+            if end.kind is EndKind.HELD:
+                v = end.view(self.x, self.P, self.K)
+                reach = np.arange(0.0, _ARM_PX, 24.0)
+                near_kernels.mark(grid, v.point + reach[:, None] * v.outward, _ARM_HALF_PX, bit)
+
+    def look_around(self, grid: npt.NDArray[np.uint32], bit: int) -> None:
+        """Find the stations at which events may belong to another moving DLO."""
+        self._foreign_count = near_kernels.marked_by_others(grid, self.g, bit, self.foreign)
+
+    def _stays_asleep(self, last: npt.NDArray[np.int64], t_us: int) -> bool:
+        watched = self.inside & self.exists & ~self.foreign
+        events = profile_kernels.activity(last, t_us, t_us - _WATCH_US, self.g, self.radius_px + 6.0, watched)
+        return events < self.params.wake_events
+
     def step(self, last: npt.NDArray[np.int64], t_us: int, dt_ms: float) -> None:
         """Advance by ``dt_ms`` to ``t_us`` with the events on the surface ``last`` (2, H, W)."""
+        if self.asleep:
+            if self._stays_asleep(last, t_us):
+                return
+            self.asleep = False
+        self._state = None
         p, K, x, P = self.params, self.K, self.x, self.P
         g = self.g
         speed = float(np.hypot(g[:, 4], g[:, 5]).max())
@@ -239,6 +283,11 @@ class Chain:
         )  # fmt: skip
         use = self.use
         use[:] = (out[:, 1] > 0.0) & (out[:, 2] > p.min_mean_llr)
+        if self._foreign_count and speed < _RESTING_PX_MS:
+            # Another DLO moves by: one at rest needs more than a few stations to be moved as well.
+            use &= ~self.foreign
+            if use.sum() < max(3, 0.2 * (active & ~self.foreign).sum()):
+                use[:] = False
         reuse = np.maximum(1.0, out[:, 5] / dt_ms)
         doubt = np.where(out[:, 6] < 3.0, 4.0, 1.0)
         R = (p.sigma_floor_px**2 + 2.0 * out[:, 1] ** 2 * doubt + (0.2 * out[:, 4] ** 2) ** 2) * reuse
@@ -336,7 +385,7 @@ class Chain:
         filter_kernels.rest_normals(
             self.x, self.P, self.K, self.j0, self.w, g, silent, 0.15**2 / dt_ms, False, self._Ph
         )
-        looked = self.inside & (found >= 0)
+        looked = self.inside & (found >= 0) & ~self.foreign
         quiet = looked & (found < p.min_events)
         if self.use.sum() <= 1 and looked.sum() >= 4 and quiet.sum() > 0.8 * looked.sum() and speed < 1.0:
             everywhere = np.ones(self.S, np.bool_)
@@ -344,6 +393,7 @@ class Chain:
                 self.x, self.P, self.K, self.j0, self.w, g, everywhere, 0.1**2 / dt_ms, True, self._Ph
             )
             self.still_ms += dt_ms
+            self.asleep = self.still_ms >= _SLEEP_MS
         else:
             self.still_ms = 0.0
 
@@ -351,6 +401,8 @@ class Chain:
 
     def state(self) -> TrackState:
         """The DLO as it is reported."""
+        if self._state is not None:
+            return self._state
         K = self.K
         filter_kernels.place(self.x, K, self.oj0, self.ow, self.ow1, self.ow2, self.og)
         filter_kernels.place_covariance(self.P, K, self.oj0, self.ow, self.oc, False)
@@ -368,7 +420,7 @@ class Chain:
         )
         moving = self.still_ms == 0.0
         source = TrackSource.EVENT if self.use.any() or not moving else TrackSource.PREDICTED
-        return TrackState(
+        self._state = TrackState(
             id=self.id,
             nodes=nodes,
             velocity_px_s=self.og[:, 4:6] * 1e3,
@@ -382,6 +434,7 @@ class Chain:
             fit_px=self.fit_px,
             reinitialised=self.reinitialised,
         )
+        return self._state
 
 
 def _normal_part(cov: FloatArray, g: FloatArray) -> FloatArray:

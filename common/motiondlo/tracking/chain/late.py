@@ -86,6 +86,7 @@ def absorb(chain: Chain, past: PastShape, correction: Correction) -> Callable[[P
         _apply(chain, j0[k], w[k], np.array([-ty[k], tx[k]]), float(offset[k]), float(R[k]))
     for jj, ww, axis, z, variance in ends:
         _apply(chain, jj, ww, axis, z, variance)
+    chain.touch()
     delta = (chain.x[: 2 * K] - before).reshape(2, K).T
     prepended = chain.prepended
 

@@ -30,6 +30,7 @@ class ChainParams(BaseModel):
     window_max_ms: float = Field(8.0, ge=2.0, le=30.0, description="longest window of events")
     window_accel_px: float = Field(3.0, ge=0.5, le=20.0, description="window <= sqrt(this / normal acceleration)")
     target_events: int = Field(48, ge=10, le=400, description="newest events of a station that are used")
+    wake_events: int = Field(10, ge=1, le=1000, description="events about a resting DLO in 4 ms that wake it")
     min_events: int = Field(8, ge=3, le=100, description="fewest events for a station to say anything")
     band_px: float = Field(7.0, ge=3.0, le=20.0, description="least half width of the search about the prediction")
     band_max_px: float = Field(28.0, ge=8.0, le=40.0, description="most half width of the search")

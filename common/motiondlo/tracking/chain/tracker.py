@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from time import perf_counter_ns
 
-import numba
 import numpy as np
-import numpy.typing as npt
 
+from motiondlo.events.surface import TimeSurface
 from motiondlo.events.types import EventBatch, SensorGeometry
 from motiondlo.rejects import RejectReason
 from motiondlo.tracking.chain.chain import Chain
 from motiondlo.tracking.chain.late import PastShape, absorb, carried_forward
+from motiondlo.tracking.chain.near_kernels import TILE_SHIFT
 from motiondlo.tracking.chain.params import ChainParams
 from motiondlo.tracking.correction_gate import CorrectionGate
 from motiondlo.tracking.types import Correction, CorrectionKind, TrackUpdate
@@ -23,9 +23,12 @@ class ChainTracker:
     def __init__(self, params: ChainParams, geometry: SensorGeometry) -> None:
         self.params = params
         self.geometry = geometry
-        self._last = np.full((2, geometry.height_px, geometry.width_px), -(10**15), np.int64)
+        self._surface = TimeSurface(geometry)
         self._chains: dict[int, Chain] = {}
         self._gate: CorrectionGate[PastShape] = CorrectionGate(params.history_ms * 1000)
+        shape = ((geometry.height_px >> TILE_SHIFT) + 1, (geometry.width_px >> TILE_SHIFT) + 1)
+        self._grid = np.zeros(shape, np.uint32)
+        self._marked = False
         self._now_us = -1
         self._newest_us = -1
 
@@ -47,16 +50,19 @@ class ChainTracker:
         self._apply_due(batch.t1_us, before_us)
         e = batch.events
         if len(e):
-            _store(e["t"], e["x"], e["y"], e["p"], self._last)
+            self._surface.update(e)
             self._newest_us = int(e["t"][-1])
         stored = perf_counter_ns()
-        for chain in self._chains.values():
-            chain.step(self._last, batch.t1_us, dt_ms)
+        self._mark_movers()
+        for k, chain in enumerate(self._chains.values()):
+            chain.look_around(self._grid, k % 32)
+            chain.step(self._surface.last_us, batch.t1_us, dt_ms)
         self._now_us = batch.t1_us
         stepped = perf_counter_ns()
         tracks = []
         for chain in self._chains.values():
-            self._gate.history(chain.id).record(batch.t1_us, PastShape.of(chain))
+            if not chain.asleep:
+                self._gate.history(chain.id).record(batch.t1_us, PastShape.of(chain))
             tracks.append(chain.state())
         done = perf_counter_ns()
         return TrackUpdate(
@@ -68,6 +74,17 @@ class ChainTracker:
             stages_ns={"surface": stored - start, "filter": stepped - stored, "report": done - stepped},
             rejects=self._gate.rejects.as_dict(),
         )
+
+    def _mark_movers(self) -> None:
+        if self._marked:
+            self._grid[:] = 0
+            self._marked = False
+        if len(self._chains) < 2:
+            return
+        for k, chain in enumerate(self._chains.values()):
+            if chain.moves:
+                chain.mark(self._grid, k % 32)
+                self._marked = True
 
     def _active_ratio(self) -> float:
         area = sum(chain.active_px for chain in self._chains.values())
@@ -102,15 +119,3 @@ class ChainTracker:
                 history.revise(correction.t_us, change)
                 chain.t_corrected_us = correction.t_us
                 self._gate.absorbed(correction)
-
-
-@numba.njit(cache=True, nogil=True)
-def _store(
-    t: npt.NDArray[np.int64],
-    x: npt.NDArray[np.uint16],
-    y: npt.NDArray[np.uint16],
-    p: npt.NDArray[np.uint8],
-    last: npt.NDArray[np.int64],
-) -> None:
-    for i in range(t.shape[0]):
-        last[p[i], y[i], x[i]] = t[i]
