@@ -9,31 +9,15 @@ import numpy.typing as npt
 
 from motiondlo.events.types import SensorGeometry
 from motiondlo.frames.types import EndKind, FloatArray
-from motiondlo.geometry.curve import arc_length
-from motiondlo.tracking.inextensible.curve_kernels import acceleration_covariance, place_curve
-from motiondlo.tracking.inextensible.ends import EndPose, EndTracker, Rows
-from motiondlo.tracking.inextensible.filter_kernels import (
-    CONSTANTS,
-    END_A,
-    END_B,
-    RATIO_A,
-    STRETCH,
-    place_stations,
-    predict,
-    solve,
-)
+from motiondlo.tracking.inextensible.curve_filter import CurveFilter
+from motiondlo.tracking.inextensible.ends import EndPose, EndTracker
+from motiondlo.tracking.inextensible.filter_kernels import END_A, STRETCH
 from motiondlo.tracking.inextensible.late import PastState, carried_innovation, oriented_like
 from motiondlo.tracking.inextensible.observe_kernels import learn_profiles, observe_stations
 from motiondlo.tracking.inextensible.params import InextensibleParams
 from motiondlo.tracking.inextensible.profiles import log_ratios, prior_profiles, visible_at_start
-from motiondlo.tracking.inextensible.row_kernels import (
-    bend_rows,
-    find_end,
-    remember_bend,
-    station_rows,
-    update_support,
-)
-from motiondlo.tracking.inextensible.shape import STRIDE, fit_pose, make_layout
+from motiondlo.tracking.inextensible.row_kernels import find_end, station_rows, update_support
+from motiondlo.tracking.inextensible.shape import STRIDE
 from motiondlo.tracking.inextensible.step_kernels import (
     fast_speed,
     fit_summary,
@@ -47,95 +31,40 @@ from motiondlo.tracking.types import Correction, TrackSource, TrackState
 
 Int64Array = npt.NDArray[np.int64]
 
-_FIELD_PX = 36.0
-_START_CORRELATION_PX = 120.0
 
-
-class InextensibleDlo:
+class InextensibleDlo(CurveFilter):
     """A curve that cannot stretch, tracked through event batches."""
 
     def __init__(self, correction: Correction, params: InextensibleParams, geometry: SensorGeometry) -> None:
-        self.params = params
+        super().__init__(correction, params)
+        p, m, s = params, self.m, self.s_px
         self.geometry = geometry
         self.id = correction.id
         self.t_corrected_us = correction.t_us
         self.reinitialised = 0
-        p = params
-        length = float(arc_length(correction.nodes)[-1])
-        self.diameter_px = correction.diameter_px if correction.diameter_px > 0 else 20.0
+        length = self.layout.length_px
+        self.diameter_px = correction.diameter_px if correction.diameter_px > 0 else p.diameter_px
         self.radius_px = 0.5 * self.diameter_px
-        self.layout = layout = make_layout(length, correction.ends, params)
-        q = fit_pose(layout, correction.nodes)
-        n = self.n = len(q)
-        size = self.size = 2 * n + CONSTANTS
-        s = self.s_px = layout.stations_s_px
-        m = self.m = len(s)
-        self.x = np.zeros(size)
-        self.x[:n] = q
-        self.x[2 * n + RATIO_A :] = p.height_ratio
-        # arrays of the step
-        self.theta = np.empty(layout.samples)
-        self.points = np.empty((layout.samples, 2))
-        self.jacobian = np.zeros((m, 2, n))
-        self.p = np.empty((m, 2))
-        self.th, self.kappa, self.vn, self.vt, self.omega = (np.zeros(m) for _ in range(5))
-        self.h_normal, self.h_stretch = np.zeros((m, n)), np.zeros(m)
-        self.sn, self.sv, self.offset, self.sigma, self.age = (np.zeros(m) for _ in range(5))
-        self.quality, self.window, self.nis = (np.zeros(m) for _ in range(3))
+        # what the stations see
+        self.offset, self.sigma, self.age, self.quality, self.window, self.nis, self.accel = (
+            np.zeros(m) for _ in range(7)
+        )
         self.count = np.zeros(m, np.int64)
-        self.good = np.zeros(m, np.uint8)
+        self.good, self.active = np.zeros(m, np.uint8), np.zeros(m, np.uint8)
         self.window_max = np.full(m, p.window_max_ms)
         self.band = np.full(m, p.band_px)
-        capacity = m + 2 * n + 16
-        self.rows = Rows(
-            np.zeros((capacity, size)), np.zeros(capacity), np.zeros(capacity), np.zeros(capacity, np.uint8)
-        )
-        self.residual = np.zeros(capacity)
-        self.accel = np.zeros(m)
-        self.active = np.zeros(m, np.uint8)
         self.vn_past, self.past = np.zeros((4, m)), 0
-        self._edge = np.zeros(2)
         # look
         self.prior = prior_profiles(s, self.radius_px, correction.appearance, params)
         self.profile = self.prior.copy()
         self.floor = p.log_floor / self.prior.shape[2]
         self.llr = log_ratios(self.profile, self.floor)
         # ends
-        self.place()
-        self.ends: list[EndTracker] = []
-        for index in range(2):
-            s_end = 0.0 if index == 0 else length
-            place = correction.nodes[0 if index == 0 else -1].astype(np.float64)
-            self.ends.append(EndTracker(index, correction.ends[index], s_end, params, self.radius_px, place))
+        places = (correction.nodes[0].astype(np.float64), correction.nodes[-1].astype(np.float64))
+        self.ends = [EndTracker(k, correction.ends[k], length * k, params, self.radius_px, places[k]) for k in range(2)]
         self.end_velocity: list[FloatArray | None] = [None, None]
-        self.end_poses = [EndPose(n) for _ in range(2)]
-        # covariance
-        field = np.arange(0, m, max(1, round(_FIELD_PX / p.station_px)))
-        self.field = np.unique(np.append(field, m - 1)).astype(np.int64)
-        self.field_precision = self._precision(np.ones(len(self.field)), p.correlation_px, 1e-3)
-        self.acceleration_cov = np.zeros((n, n))
-        self._refresh_acceleration()
-        beyond = np.maximum(np.maximum(-s[self.field], s[self.field] - length), 0.0)
-        sigma_nodes = np.interp(
-            s[self.field], np.linspace(0, length, len(correction.nodes)), correction.sigma_normal_px
-        )
-        spread = np.maximum(sigma_nodes, 0.5) + 0.2 * beyond
-        start = np.zeros((n, n))
-        acceleration_covariance(
-            self.jacobian, self.field, self._precision(spread, _START_CORRELATION_PX, 0.05), 1e-6, start
-        )
-        self.cov = np.zeros((size, size))
-        self.cov[:n, :n] = start
-        self.cov[n : 2 * n, n : 2 * n] = self.acceleration_cov * 0.02**2
-        for k, sd in ((STRETCH, 0.004), (END_A, p.tip_offset_sigma_px), (END_B, p.tip_offset_sigma_px)):
-            self.cov[2 * n + k, 2 * n + k] = sd**2
-        for k in range(2):
-            self.cov[2 * n + RATIO_A + k, 2 * n + RATIO_A + k] = max(p.height_ratio_sigma, 1e-4) ** 2
-        self.start_cov = self.cov.copy()
-        self.constants_q = np.zeros(CONSTANTS)
-        self.constants_q[STRETCH] = p.stretch_walk**2
-        self.memory = np.zeros(n)
-        remember_bend(n, self.x, 1.0, np.ones(m), self.memory)
+        self.end_poses = [EndPose(self.n) for _ in range(2)]
+        self._edge = np.zeros(2)
         # visibility
         inside_shape = (s >= -1.0) & (s <= length + 1.0)
         self.alive = (inside_shape & visible_at_start(s, self.radius_px, correction.appearance)).astype(np.float64)
@@ -144,41 +73,17 @@ class InextensibleDlo:
         self.known_s_px = [0.0, length]
         self.seen_ms = np.zeros(m)
         self.end_seen_ms = [0.0, 0.0]
-        self._revisions: list[tuple[int, int, FloatArray]] = []
+        self.seen, self.could = 0, 0
+        # motion
         self.noise_factor = 1.0
         self.silent_ms = 0.0
         self.background_per_ms = 0.0
         self.recent_speed = 0.0
         self.frozen = True
         self.fit_px = 0.0
-        self.seen, self.could = 0, 0
-        self.tick = 0
+        self._turn = 0
+        self._revisions: list[tuple[int, int, FloatArray]] = []
         self._state: TrackState | None = None
-
-    # geometry of the step
-
-    def place(self) -> None:
-        """Evaluate the curve at the state."""
-        layout = self.layout
-        place_curve(
-            self.x[: self.n], 1.0 + self.x[2 * self.n + STRETCH], layout.basis, layout.ds_px, layout.anchor, STRIDE,
-            self.theta, self.points, self.jacobian,
-        )  # fmt: skip
-
-    def _stations(self) -> None:
-        place_stations(
-            self.x, self.cov, self.n, self.points, self.theta, self.jacobian, STRIDE, self.layout.ds_px, self.p,
-            self.th, self.kappa, self.vn, self.vt, self.omega, self.h_normal, self.h_stretch, self.sn, self.sv,
-        )  # fmt: skip
-
-    def _precision(self, spread: FloatArray, correlation_px: float, nugget: float) -> FloatArray:
-        s = self.s_px[self.field]
-        r = np.sqrt(3.0) * np.abs(s[:, None] - s[None]) / correlation_px
-        k = ((1.0 + r) * np.exp(-r) + nugget * np.eye(len(s))) * spread[:, None] * spread[None]
-        return np.ascontiguousarray(np.linalg.inv(k))
-
-    def _refresh_acceleration(self) -> None:
-        acceleration_covariance(self.jacobian, self.field, self.field_precision, 1e-6, self.acceleration_cov)
 
     def _end_pose(self, end: EndTracker, dt_ms: float) -> EndPose:
         offset = float(self.x[2 * self.n + END_A + end.index]) if end.free else 0.0
@@ -202,7 +107,7 @@ class InextensibleDlo:
         if end.kind is EndKind.TIP:
             return float(end.s_px + self.x[2 * self.n + END_A + index])
         reach = self.params.held_report_px if end.kind is EndKind.HELD else 0.0
-        if end.kind is EndKind.BORDER:
+        if end.open:
             return float(self.known_s_px[index] + sign * self.params.station_px)
         return end.s_px + sign * reach
 
@@ -212,16 +117,12 @@ class InextensibleDlo:
         """Advance to ``t_us`` with everything on the surface."""
         p = self.params
         n = self.n
-        self.tick += 1
-        speed = float(fast_speed(self.vn, self.vt)) if self.tick > 1 else 0.0
-        self.recent_speed = max(speed, self.recent_speed * float(np.exp(-dt_ms / p.noise_memory_ms)))
-        speed_drive = self.recent_speed
-        scale = p.noise_scale * max(p.noise_rest_share, min(speed_drive / p.noise_speed, 1.5)) * self.noise_factor
+        self._turn += 1
+        speed = float(fast_speed(self.vn, self.vt))
+        self.recent_speed = max(speed, self.recent_speed * math.exp(-dt_ms / p.noise_memory_ms))
+        share = max(p.noise_rest_share, min(self.recent_speed / p.noise_speed, 1.5))
         before_x, before_cov = self.x.copy(), self.cov.copy()
-        decay = float(np.exp(-dt_ms / p.velocity_decay_ms))
-        predict(self.x, self.cov, n, dt_ms, decay, self.acceleration_cov, scale, self.constants_q)
-        self.place()
-        self._stations()
+        self.advance(dt_ms, p.noise_scale * share * self.noise_factor)
         active = self.active
         lo_px, hi_px = self._extent()
         prepare_stations(
@@ -230,10 +131,10 @@ class InextensibleDlo:
             p.band_px, p.band_max_px, active, self.accel, self.window_max, self.band,
         )  # fmt: skip
         observe_stations(
-            surface, t_us, self.p, self.th, self.kappa, self.vn, self.vt, self.omega, self.sv, self.window_max, self.band,
-            active, self.llr, 0.0, 0.5 * STRIDE * self.layout.ds_px, p.latency_ms, p.window_min_ms, p.events_target,
-            p.events_min, p.ambiguous_velocity, self.offset, self.sigma, self.age, self.count, self.quality,
-            self.window,
+            surface, t_us, self.p, self.th, self.kappa, self.vn, self.vt, self.omega, self.sv, self.window_max,
+            self.band, active, self.llr, 0.0, 0.5 * STRIDE * self.layout.ds_px, p.latency_ms, p.window_min_ms,
+            p.events_target, p.events_min, p.ambiguous_velocity, self.offset, self.sigma, self.age, self.count,
+            self.quality, self.window,
         )  # fmt: skip
         rows = self.rows
         rows.count, self.seen, self.could = station_rows(
@@ -247,31 +148,18 @@ class InextensibleDlo:
             end.observe(surface, t_us, dt_ms, pose, self.x, rows, self.geometry.width_px, self.geometry.height_px)
         end_nis = float(largest_innovation(self.cov, rows.h, rows.z, rows.w, first_end_row, rows.count))
         if self._idle(speed):
-            self.x[:n] = before_x[:n]
-            self.x[n : 2 * n] = before_x[n : 2 * n] * 0.7
-            self.cov = before_cov
+            self.x[:] = before_x
+            self.x[n : 2 * n] *= 0.7
+            self.cov[:] = before_cov
             self.silent_ms += dt_ms
-            self.place()
-            self._stations()
             self.frozen = True
+            self.locate()
         else:
-            rows.count = bend_rows(
-                rows.count, n, dt_ms, self.x, self.memory, p.bend_sigma, p.bend_rate_sigma, rows.h, rows.z, rows.w,
-                rows.robust,
-            )  # fmt: skip
-            solve(
-                self.x, self.cov, rows.h, rows.z, rows.w, rows.count, p.student_nu, p.robust_passes, rows.robust,
-                self.residual,
-            )  # fmt: skip
             self.silent_ms = 0.0
             self.frozen = False
-            self.place()
-            self._stations()
-            if self.tick % 2 == 0:
-                self._refresh_acceleration()
-            remember_bend(n, self.x, p.bend_memory * dt_ms, self.alive, self.memory)
-            self._adapt(dt_ms, end_nis)
-            self._learn(surface, t_us, dt_ms)
+            if self.absorb(dt_ms, self.alive):
+                self._adapt(dt_ms, end_nis)
+                self._learn(surface, t_us, dt_ms)
         update_support(
             dt_ms, active, self.good, self.count, self.vn, p.events_min, self.alive, self.support, self.absent_ms
         )
@@ -279,7 +167,7 @@ class InextensibleDlo:
         for end in self.ends:
             if np.isfinite(end.tip_shift_px) or end.patch_events >= p.patch_events_min:
                 self.end_seen_ms[end.index] += dt_ms
-        self._follow_open_ends(surface, t_us, dt_ms)
+        self._follow_open_ends()
         self.past = int(remember_rates(self.vn, self.vn_past, self.past))
         for k, pose in enumerate(poses):
             self.end_velocity[k] = pose.velocity.copy()
@@ -289,7 +177,7 @@ class InextensibleDlo:
         """Material extent of the stations that are looked at."""
         extent = []
         for end, sign in zip(self.ends, (1.0, -1.0), strict=True):
-            if end.kind is EndKind.BORDER:
+            if end.open:
                 extent.append(-sign * np.inf)
             elif end.held:
                 # Beside the jaws their edges are nearer than the silhouettes.
@@ -298,11 +186,11 @@ class InextensibleDlo:
                 extent.append(self.end_s_px(end.index) + sign * 0.25 * self.params.station_px)
         return extent[0], extent[1]
 
-    def _follow_open_ends(self, surface: Int64Array, t_us: int, dt_ms: float) -> None:
+    def _follow_open_ends(self) -> None:
         """Let a DLO that came from beyond the image grow as it comes in, and find its end."""
         p = self.params
         for end in self.ends:
-            if end.kind is not EndKind.BORDER or self.seen < 5:
+            if not end.open or self.seen < 5:
                 continue
             sign = 1.0 if end.index else -1.0
             sure = self.s_px[(self.good > 0) & (self.alive > 0.3)]
@@ -317,17 +205,16 @@ class InextensibleDlo:
                 end.kind = EndKind.TIP
                 end.found = True
                 end.s_px = float(self._edge.mean())
-                k = 2 * self.n + END_A + end.index
-                self.x[k] = 0.0
-                self.cov[k, :] = 0.0
-                self.cov[:, k] = 0.0
-                self.cov[k, k] = p.end_found_sigma_px**2
+                self.widen_end(end.index, p.end_found_sigma_px)
 
     def _idle(self, speed: float) -> bool:
         p = self.params
         quiet = self.seen < p.idle_share * max(self.could, 1)
         moved = any(
-            end.held and end.stirred and end.patch_events >= p.patch_events_min and (end.shift_px > 1.0 or end.learned < 2)
+            end.held
+            and end.stirred
+            and end.patch_events >= p.patch_events_min
+            and (end.shift_px > 1.0 or end.learned < 2)
             for end in self.ends
         )
         return quiet and speed < 2.0 * p.idle_velocity and not moved
@@ -348,7 +235,7 @@ class InextensibleDlo:
         if self.seen > 4:
             learn_profiles(
                 surface, t_us, self.p, self.th, self.kappa, self.vn, self.vt, self.omega, self.window, self.good,
-                self.tick % 4, 4, 0.3, 0.5 * STRIDE * self.layout.ds_px, p.latency_ms, p.learn_rate, p.learn_pull,
+                self._turn % 4, 4, 0.3, 0.5 * STRIDE * self.layout.ds_px, p.latency_ms, p.learn_rate, p.learn_pull,
                 self.floor, self.prior, self.profile, self.llr,
             )  # fmt: skip
         for end in self.ends:
@@ -415,13 +302,8 @@ class InextensibleDlo:
                 sigma = float(np.sqrt(carried.end_variance_px2[end.index]))
                 rows.add(row, carried.end_shift_px[end.index], sigma, robust=True)
         before = self.p.copy()
-        solve(
-            self.x, self.cov, rows.h, rows.z, rows.w, rows.count, p.student_nu, p.robust_passes, rows.robust,
-            self.residual,
-        )  # fmt: skip
-        self.place()
-        self._stations()
-        remember_bend(n, self.x, 1.0, np.ones(self.m), self.memory)
+        if not self.absorb_correction():
+            return False
         self._revisions.append((correction.t_us, now_us, self.p - before))
         del self._revisions[:-8]
         self.t_corrected_us = correction.t_us

@@ -1,8 +1,8 @@
 """The ends of a DLO on the time surface: the rigid patch of what holds it, and the event profile of a free tip.
 
-Legend: patch frame: ``a`` along the outward direction ``e`` at the end (away from the DLO), ``b`` across; a template is the
-density of events in that frame, its ``log_template`` the log-likelihood ratio against a uniform density. Tip profile:
-rate of events along the outward tangent, one bin a pixel, the tip at the middle.
+Legend: patch frame: ``a`` along the outward direction ``e`` at the end (away from the DLO), ``b`` across; a template is
+the density of events in that frame, its ``log_template`` the log-likelihood ratio against a uniform density.
+Tip profile: rate of events along the outward tangent, one bin a pixel, the tip at the middle.
 """
 
 from __future__ import annotations
@@ -212,7 +212,10 @@ def collect_tip(  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def match_tip(histogram, profile, reach, out):  # type: ignore[no-untyped-def]
-    """Maximum-likelihood shift of the tip's profile. histogram, profile: (n,). out (2,): shift px, sigma px (0: none)."""
+    """Maximum-likelihood shift of the tip's profile.
+
+    histogram, profile: (n,). out (2,): shift px, sigma px (0: none).
+    """
     n = histogram.shape[0]
     best, best_shift = -1e18, 0
     scores = np.empty(2 * reach + 1)

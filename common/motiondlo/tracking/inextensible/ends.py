@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import math
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -104,6 +103,7 @@ class EndTracker:
         self.log_template = np.zeros((rows, columns), np.float32)
         at = np.arange(-_TIP_REACH_PX, _TIP_REACH_PX + 1)
         self.tip_profile = 0.03 + 0.97 / (1.0 + np.exp((at - 1.0) / 1.2))
+        self._tip_start = self.tip_profile.copy()
         self._histogram = np.zeros(2 * _TIP_REACH_PX + 1)
         self._a = np.empty(_PATCH_CAPACITY, np.float32)
         self._b = np.empty(_PATCH_CAPACITY, np.float32)
@@ -116,6 +116,11 @@ class EndTracker:
     def held(self) -> bool:
         """Whether something rigid may hold this end."""
         return self.kind in (EndKind.HELD, EndKind.UNKNOWN)
+
+    @property
+    def open(self) -> bool:
+        """Whether the DLO goes on beyond this end, nobody knows how far."""
+        return self.kind is EndKind.BORDER
 
     @property
     def free(self) -> bool:
@@ -156,15 +161,17 @@ class EndTracker:
             )  # fmt: skip
             self.learned += 1
         if self.free and trusted and math.isfinite(self.tip_shift_px):
-            if self.tip_learned > 10 and abs(self.tip_shift_px) > 4.0:
-                return
             count, _ = self._tip_histogram(surface, t_us, pose)
             if count >= p.tip_events_min:
+                # Aligned where it was matched, not where the state has the tip: else a slip would be learned.
+                match_tip(self._histogram, self.tip_profile, _TIP_SEARCH_PX, self._tip)
+                if self._tip[1] <= 0.0:
+                    return
                 smooth = np.convolve(self._histogram, [0.25, 0.5, 0.25], "same")
-                target = smooth / max(smooth.max(), 1e-9) + 0.03
+                target = np.roll(smooth / max(smooth.max(), 1e-9) + 0.03, -round(self._tip[0]))
                 self.tip_learned += 1
-                rate = max(p.tip_learn_rate, 0.3 / self.tip_learned)
-                self.tip_profile += rate * (target - self.tip_profile)
+                self.tip_profile += p.tip_learn_rate * (target - self.tip_profile)
+                self.tip_profile += 0.25 * p.tip_learn_rate * (self._tip_start - self.tip_profile)
 
     def _follow_background(self, rate: float, speed: float, dt_ms: float) -> None:
         """What passes under or beside a gripper at rest (a belt, flicker) is not the gripper's motion."""

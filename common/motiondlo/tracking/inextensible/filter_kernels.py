@@ -1,7 +1,7 @@
 """The extended Kalman filter of a curve: prediction, rows of measurements, robust solution.
 
-Legend: state ``x`` (N,) = pose ``q`` (n,), its rates (n,) per ms, and five constants of the DLO: stretch - 1, offsets of
-both ends along the material (px), height ratios of what holds either end. ``C`` (N, N) its covariance. Rows of
+Legend: state ``x`` (N,) = pose ``q`` (n,), its rates (n,) per ms, and five constants of the DLO: stretch - 1, offsets
+of both ends along the material (px), height ratios of what holds either end. ``C`` (N, N) its covariance. Rows of
 measurements: ``z = H (x - x_predicted)`` with weight ``w = 1 / sigma^2``.
 """
 
@@ -59,7 +59,7 @@ def place_stations(  # type: ignore[no-untyped-def]
     """Station quantities of a placed curve.
 
     Out: p_out (m, 2), th_out, kappa (1/px), vn, vt (px/ms), omega (rad/ms: slope of vn along the curve), h_normal
-    (m, n): derivative of the normal coordinate, h_stretch (m,), sn, sv: standard deviations of normal position and rate.
+    (m, n): derivative of the normal coordinate, h_stretch (m,), sn, sv: standard deviations of normal place and rate.
     """
     m = jacobian.shape[0]
     samples = points.shape[0]

@@ -1,9 +1,9 @@
 """Late corrections: a shape of the frame branch against the state at its time, carried forward to now.
 
-The innovation at t0 is taken along the normal of the curve held then, station by station of the material coordinate. What
-it says about now depends on what was seen since: the error that a station had at t0 is the error that it has now only
-where nothing was measured in between. ``seen_ms`` counts how long every station was measured; the share of the old error
-that is left fades with it, and the variance of the correction grows by the inverse square of that share.
+The innovation at t0 is taken along the normal of the curve held then, station by station of the material coordinate.
+What it says about now depends on what was seen since: the error that a station had at t0 is the error that it has now
+only where nothing was measured in between. ``seen_ms`` counts how long every station was measured; the share of the old
+error that is left fades with it, and the variance of the correction grows by the inverse square of that share.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def carried_innovation(
     total = np.hypot(sigma, past.sigma_normal_px)
     plausible = bool(inside.sum() >= 3 and np.median(np.abs(offset[inside]) / total[inside]) < _GATE_SIGMA)
     share = np.maximum(np.exp(-np.maximum(seen_ms - past.seen_ms, 0.0) / fade_ms), _SMALLEST_SHARE)
-    # Errors of neighbouring nodes are alike: a correction is worth one measurement per correlation length, not per node.
+    # Errors of neighbouring nodes are alike: a shape is worth one measurement per correlation length, not per node.
     redundancy = max(1.0, 120.0 / max(float(s_px[1] - s_px[0]), 1.0))
     variance = np.where(inside, redundancy * (sigma / share) ** 2, np.inf)
     shifts, variances = [], []

@@ -122,8 +122,9 @@ def observe_stations(  # type: ignore[no-untyped-def]
 ):
     """Offset of every active station along its normal, by maximum likelihood over shifts of its profile.
 
-    llr: (m, 2, nT) float32 log-likelihood ratios against a uniform density; outside: the ratio beyond it. Out, all (m,): offset px, sigma px (0: no
-    measurement), mean age ms, count of events in the window, quality (mean log-likelihood ratio an event), window ms.
+    llr: (m, 2, nT) float32 log-likelihood ratios against a uniform density; outside: the ratio beyond the profile.
+    Out, all (m,): offset px, sigma px (0: no measurement), mean age ms, count of events in the window, quality (mean
+    log-likelihood ratio an event), window ms.
     """
     m, _, bins = llr.shape
     band_max = 0.0

@@ -20,6 +20,8 @@ class InextensibleParams(BaseModel):
     border_reach_px: float = Field(260.0, ge=0.0, le=2000.0, description="how far a DLO goes on beyond the image")
     hidden_reach_px: float = Field(60.0, ge=0.0, le=500.0, description="how far a DLO goes on under a cover")
 
+    diameter_px: float = Field(24.0, ge=4.0, le=200.0, description="diameter where a correction has none")
+
     # observation
     profile_reach_px: float = Field(10.0, ge=4.0, le=30.0, description="profile beyond either silhouette")
     edge_width_px: float = Field(0.8, ge=0.3, le=3.0, description="standard deviation of a silhouette in a profile")
@@ -63,6 +65,7 @@ class InextensibleParams(BaseModel):
     noise_growth_max: float = Field(30.0, ge=1.0, le=1000.0, description="most that surprise multiplies the noise by")
     correlation_px: float = Field(150.0, ge=20.0, le=1000.0, description="correlation length of the acceleration")
     velocity_decay_ms: float = Field(150.0, ge=5.0, le=10000.0, description="time constant of the rates")
+    stretch_sigma: float = Field(0.003, ge=0.0, le=0.1, description="standard deviation of the first stretch")
     stretch_walk: float = Field(1e-4, ge=0.0, le=1e-2, description="random walk of the stretch per sqrt(ms)")
     bend_sigma: float = Field(0.01, ge=1e-3, le=10.0, description="bend per knot against the remembered one, sqrt(ms)")
     bend_memory: float = Field(0.05, ge=0.0, le=1.0, description="share of the bend that the memory takes up a ms")

@@ -61,7 +61,7 @@ def _strip_gradient(
     """Gradient of log-luminance along the normal (m, bins) per px, and its rise across either silhouette (m, 2)."""
     strip = appearance.strip.astype(np.float64)
     rows, columns = strip.shape
-    half = max(1, int(round(6.0 / appearance.ds_px)))
+    half = max(1, round(6.0 / appearance.ds_px))
     padded = np.pad(strip, ((half, half), (0, 0)), mode="edge").cumsum(axis=0)
     smooth = (padded[2 * half :] - np.concatenate([np.zeros((1, columns)), padded[: -2 * half - 1]])) / (2 * half + 1)
     row = np.clip(np.round((s_px - appearance.s0_px) / appearance.ds_px).astype(int), 0, rows - 1)

@@ -37,12 +37,13 @@ class Layout:
     @property
     def coefficients(self) -> int:
         """Spline coefficients, K."""
-        return self.basis.shape[1]
+        return int(self.basis.shape[1])
 
     @property
     def stations_s_px(self) -> FloatArray:
         """(m,) material coordinates of the stations."""
-        return self.s_lo_px + np.arange(0, self.samples, STRIDE) * self.ds_px
+        s = self.s_lo_px + np.arange(0, self.samples, STRIDE) * self.ds_px
+        return np.asarray(s, dtype=np.float64)
 
 
 def end_reach_px(kind: EndKind, params: InextensibleParams) -> float:
@@ -67,7 +68,7 @@ def make_layout(length_px: float, ends: tuple[EndKind, EndKind], params: Inexten
     at = np.clip(np.linspace(0.0, 1.0, samples), 0.0, 1.0 - 1e-12)
     basis = np.ascontiguousarray(BSpline.design_matrix(at, knots, 3).toarray())
     ds = total / (samples - 1)
-    middle = int(round((before + 0.5 * length_px) / (STRIDE * ds))) * STRIDE
+    middle = round((before + 0.5 * length_px) / (STRIDE * ds)) * STRIDE
     return Layout(-before, ds, basis, int(np.clip(middle, 0, samples - 1)), length_px)
 
 
@@ -75,8 +76,8 @@ def fit_pose(layout: Layout, nodes: FloatArray) -> FloatArray:
     """The pose (n,) whose curve is nearest to a polyline (M, 2) at equal arc lengths; straight beyond its ends."""
     length = float(arc_length(nodes)[-1])
     chord = min(30.0, 0.4 * length)
-    s = layout.s_lo_px + np.arange(layout.samples) * layout.ds_px
-    s = s * (length / layout.length_px)
+    scale = length / layout.length_px
+    s = np.asarray((layout.s_lo_px + np.arange(layout.samples) * layout.ds_px) * scale, dtype=np.float64)
     targets = point_at(nodes, s)
     ends = point_at(nodes, np.array([0.0, chord, length - chord, length]))
     first, last = ends[1] - ends[0], ends[3] - ends[2]

@@ -14,7 +14,7 @@ def prepare_stations(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Decide which stations are looked at, for how long and how far.
 
-    p: (m, 2) places; vn_past: (4, m) normal rates of the last updates, ``past`` of them filled, oldest at ``vn_past[0]``;
+    p: (m, 2) places; vn_past: (4, m) normal rates of the last updates, ``past`` of them filled, the oldest first;
     (lo_px, hi_px): material extent. Out, (m,): active uint8, accel px/ms^2 along the normal, window ms, band px.
     """
     m = s_px.shape[0]
