@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from motiondlo.events.damage import (
     C_COUNT,
+    C_EVENTS_DROPPED,
     C_REALIGNED,
     C_SKIPPED_BYTES,
     C_TRUNCATED_BYTES,
@@ -26,6 +27,7 @@ from motiondlo.events.time_word_kernels import (
     PENDING_MAX,
     S_BASE_X,
     S_COUNT,
+    S_DAMAGE_WORD,
     S_FLOOR_US,
     S_HEIGHT,
     S_HIGH,
@@ -40,10 +42,15 @@ from motiondlo.events.time_word_kernels import (
     S_NEAR,
     S_PREVIOUS,
     S_ROW,
+    S_SUSPECT,
+    S_SUSPECT_LOST,
     S_T_US,
     S_WIDTH,
+    S_WORD,
+    SUSPECT_NONE,
     TRIGGERS_PENDING_MAX,
     confirm,
+    disprove,
 )
 from motiondlo.events.types import (
     EVENT_DTYPE,
@@ -88,6 +95,7 @@ class StreamDecoder:
         self._counts = np.zeros(C_COUNT, np.int64)
         state = np.zeros(S_COUNT, np.int64)
         state[S_HIGH] = state[S_ROW] = state[S_BASE_X] = state[S_PREVIOUS] = -1
+        state[S_DAMAGE_WORD] = -(1 << 60)
         state[S_MODE] = MODE_START
         state[S_LOW_BITS] = low_bits
         state[S_HIGH_MOD] = 1 << high_bits
@@ -137,6 +145,11 @@ class StreamDecoder:
             self._stop_searching_at_end()
             parts = self._decode(b"")
         state = self._state
+        if state[S_SUSPECT] != SUSPECT_NONE and state[S_SUSPECT_LOST]:
+            # nothing speaks for this time but a word right behind damage
+            disprove(state, self._counts)
+            self._counts[C_EVENTS_DROPPED] += state[S_N] - state[S_N_DONE] + state[S_K] - state[S_K_DONE]
+            state[S_N], state[S_K], state[S_T_US] = state[S_N_DONE], state[S_K_DONE], state[S_FLOOR_US]
         confirm(state, self._counts)
         state[S_N_DONE], state[S_K_DONE] = state[S_N], state[S_K]
         if state[S_HIGH] >= 0:
@@ -228,4 +241,5 @@ class StreamDecoder:
         skipped = run_start - self._damage_start
         self._counts[C_SKIPPED_BYTES] += skipped
         self._counts[C_REALIGNED] += skipped % self._word_bytes != 0
+        self._state[S_DAMAGE_WORD] = self._state[S_WORD]
         self._resume(self._state, skipped)

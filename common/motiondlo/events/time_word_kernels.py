@@ -48,7 +48,9 @@ S_HEIGHT = 28
 S_WORD = 29  # words decoded so far
 S_SUSPECT_WORD = 30  # where the suspect appeared
 S_SUSPECT_FRESH = 31  # no time low has come since
-S_COUNT = 32
+S_SUSPECT_LOST = 32  # it appeared right behind damage
+S_DAMAGE_WORD = 33  # where decoding went on behind the latest damage
+S_COUNT = 34
 
 MODE_START, MODE_SYNC, MODE_NEED_LOW, MODE_NEED_ANY, MODE_NEED_HIGH = 0, 1, 2, 3, 4
 ROW_UNKNOWN, ROW_OUTSIDE = -1, -2
@@ -99,6 +101,7 @@ def suspect_from_here(state: Int64Array) -> None:
     state[S_OFFSET_BEFORE_US] = state[S_OFFSET_US]
     state[S_SUSPECT_WORD] = state[S_WORD]
     state[S_SUSPECT_FRESH] = 0
+    state[S_SUSPECT_LOST] = state[S_WORD] - state[S_DAMAGE_WORD] < 4 * SOUND_WORDS
 
 
 @numba.njit(**_NUMBA)
@@ -142,18 +145,14 @@ def time_high(state: Int64Array, counts: Int64Array, value: int) -> int:
         before = state[S_HIGH_BEFORE] % mod
         from_suspect = (value - current) % mod
         from_before = (value - before) % mod
-        sound = is_sound(state)
-        if min(from_suspect, from_before) > state[S_NEAR]:
+        if from_suspect <= from_before:
             step = _forward(value - current, mod)
-            if step > 0 and not sound:
+            if from_suspect > state[S_NEAR] and step > 0 and not is_sound(state):
+                # far from both: no damage, if it goes on like this
                 state[S_WRAPPED] += step > value - current
                 state[S_HIGH] += step
                 state[S_LOW] = 0
                 return HIGH_SUSPECT_STILL
-            believe = sound
-        else:
-            believe = from_suspect <= from_before
-        if believe:
             confirm(state, counts)
         else:
             disprove(state, counts)
