@@ -79,10 +79,8 @@ class Chain:
         length = float(arc_length(nodes)[-1])
         self.length_px = length
         self.centre = np.array([self.geometry.width_px / 2.0, self.geometry.height_px / 2.0])
-        before, after = (
-            self._extension(kind, nodes if k == 0 else nodes[::-1]) for k, kind in enumerate(correction.ends)
-        )
-        self._covered = (before, after)
+        before, after = (self._extension(kind) for kind in correction.ends)
+        self._covered = [self._first_cover(nodes), self._first_cover(nodes[::-1])]
         line = self._extended(nodes, before, after)
         total = length + before + after
         spans = int(np.clip(round(total / p.knot_px), 4, p.max_nodes - 3))
@@ -154,16 +152,37 @@ class Chain:
         filter_kernels.place(self.x, K, self.j0, self.w, self.w1, self.w2, self.g)
         self._look_inside()
 
-    def _extension(self, kind: EndKind, nodes: FloatArray) -> float:
-        """How far the DLO goes on, unseen, past the first of ``nodes``."""
-        p = self.params
+    def _extension(self, kind: EndKind) -> float:
+        """How far control nodes go on past an end."""
         if kind is EndKind.HELD:
-            # A gripper is higher than the DLO and so is shifted outwards in the image, over the DLO or away from it.
-            inward = nodes[min(5, len(nodes) - 1)] - nodes[0]
-            over = float((nodes[0] - self.centre) @ inward) / max(float(np.hypot(*inward)), 1e-9)
-            cover = p.held_cover * self.diameter_px + p.height_ratio * over
-            return float(np.clip(cover, 0.0, p.held_cover_max_px))
-        return p.border_extension_px if kind is EndKind.BORDER else 0.0
+            return self.params.held_cover_max_px
+        return self.params.border_extension_px if kind is EndKind.BORDER else 0.0
+
+    def _first_cover(self, nodes: FloatArray) -> float:
+        """How far the DLO goes on, unseen, past the first of ``nodes`` if that is held.
+
+        A gripper is higher than the DLO and so is shifted outwards in the image, over the DLO or away from it.
+        """
+        p = self.params
+        inward = nodes[min(5, len(nodes) - 1)] - nodes[0]
+        over = float((nodes[0] - self.centre) @ inward) / max(float(np.hypot(*inward)), 1e-9)
+        return float(np.clip(p.held_cover * self.diameter_px + p.height_ratio * over, 0.0, p.held_cover_max_px))
+
+    def _renew_covers(self) -> None:
+        """A gripper that was measured tells by its shift against the frame how much of the DLO it covered there."""
+        p = self.params
+        changed = False
+        for end in self.ends:
+            if end.kind is not EndKind.HELD or not end.sure:
+                continue
+            e = 4 * self.K + EXTRAS_PER_END * end.which
+            shift = float(self.x[e] / (1.0 + self.x[e + 2]))
+            cover = float(np.clip(p.held_cover * self.diameter_px + shift, 0.0, p.held_cover_max_px))
+            if abs(cover - self._covered[end.which]) > 1.5:
+                self._covered[end.which] = cover
+                changed = True
+        if changed:
+            self._place_output()
 
     def _extended(self, nodes: FloatArray, before: float, after: float) -> FloatArray:
         chord = max(2, round(len(nodes) * 30.0 / max(self.length_px, 1.0)))
@@ -263,7 +282,7 @@ class Chain:
         filter_kernels.predict(
             x, P, K, dt_ms, float(np.exp(-dt_ms / p.velocity_decay_ms)), self.kernel, p.accel_noise * scale
         )
-        P[-1, -1] += (p.scale_noise * min(speed, 1.0)) ** 2 * dt_ms
+        self._relax_scale(dt_ms)
         filter_kernels.limit_velocity_variance(P, K, 9.0)
         filter_kernels.place(x, K, self.j0, self.w, self.w1, self.w2, g)
         filter_kernels.place_covariance(P, K, self.j0, self.w, self.cov_p, False)
@@ -328,6 +347,7 @@ class Chain:
         self._follow_into_view(last, t_us)
         for end in self.ends:
             end.measure(last, t_us, dt_ms, x, P, K, self.centre, p, self._Ph, self._scratch)
+        self._renew_covers()
         filter_kernels.keep_length(x, P, K, self.lj0, self.lw1, self.stretch, p.length_sigma_px**2 / dt_ms, self._Ph)
         filter_kernels.keep_shape(x, P, K, self.own, p.bend_sigma_px**2 / dt_ms, self._Ph)
         filter_kernels.bends(x, K, self._bend_now)
@@ -341,7 +361,7 @@ class Chain:
         """Where the DLO came in from beyond the image: what is supported exists, and at some place it ends."""
         p = self.params
         for k, end in enumerate(self.ends):
-            if end.kind is not EndKind.BORDER:
+            if end.kind not in (EndKind.BORDER, EndKind.HIDDEN):
                 continue
             step = 1 if k == 1 else -1
             edge = self.u_last if k == 1 else self.u_first
@@ -364,6 +384,15 @@ class Chain:
         else:
             self.u_first = u
         self._place_output()
+
+    def _relax_scale(self, dt_ms: float) -> None:
+        """The common scale wanders about zero: perspective and height change it by about a percent, never by more."""
+        p = self.params
+        keep = float(np.exp(-dt_ms / p.scale_memory_ms))
+        self.x[-1] *= keep
+        self.P[-1, :] *= keep
+        self.P[:, -1] *= keep
+        self.P[-1, -1] += p.scale_sigma**2 * (1.0 - keep * keep)
 
     def _adapt(self, dt_ms: float, use: npt.NDArray[np.bool_]) -> None:
         seen = self.nis[self.nis > 0.0]

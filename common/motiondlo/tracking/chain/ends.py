@@ -25,6 +25,7 @@ EXTRAS_PER_END = 3
 _PAD = 24
 _DIRECTIONS = 16
 _STEP_HALF = 30
+_HIDDEN_TRAVEL_PX = 60.0
 _SURE_MATCHES = 5
 
 
@@ -80,7 +81,9 @@ class End:
         self.events = 0
         self.step_px: float | None = None
         """For a tip without a patch: where its events end, relative to ``u``."""
-        self._votes: list[float] = []
+        self._votes: list[tuple[float, FloatArray]] = []
+        self._resting_at: tuple[FloatArray, FloatArray] | None = None
+        """Place and tangent at which a silent patch came to rest."""
         if look is not None:
             if kind is EndKind.HELD:
                 self.patch = end_patch(look, which, length_px, 6.0, 78.0, 46.0)
@@ -105,6 +108,11 @@ class End:
         self._lean_a = np.pad(patch.grad_a * scale, _PAD).astype(np.float32)
         self._lean_d = np.pad(patch.grad_d * scale, _PAD).astype(np.float32)
         self._box = np.array([patch.a0, patch.a1, patch.dm])
+
+    @property
+    def sure(self) -> bool:
+        """Whether the patch was matched often enough to trust where it is."""
+        return self.acquired >= _SURE_MATCHES
 
     def prior(self, params: ChainParams) -> tuple[FloatArray, FloatArray]:
         """Means and variances of the end's extras."""
@@ -173,10 +181,11 @@ class End:
         if held and n < params.quiet_events and speed < 3.0:
             self._rest(v, x, P, K, dt_ms, Ph)
             return
+        self._resting_at = None
         if n < (100 if held else 40):
             return
         n = patch_kernels.newest(scratch.a, scratch.d, scratch.p, scratch.age, n, window, 800 if held else 300, 1.0)
-        sure = self.acquired >= _SURE_MATCHES
+        sure = self.sure
         reach = (8 if sure else 22) if held else (8 if sure else 14)
         if sure and speed > 0.5:
             direction = np.array([moves @ v.outward, moves @ v.normal])
@@ -228,6 +237,19 @@ class End:
             index[:4], index[4:] = 2 * K + v.nodes, 3 * K + v.nodes
             h[:4], h[4:] = v.w * axis[0], v.w * axis[1]
             filter_kernels.update(x, P, index, h, 8, -float(v.velocity @ axis), 0.15**2 / dt_ms, Ph)
+        if self._resting_at is None:
+            self._resting_at = (v.point.copy(), v.outward.copy())
+            return
+        # What rests stays where it came to rest, and keeps its direction.
+        place, outward = self._resting_at
+        index[:4], index[4:] = v.nodes, K + v.nodes
+        for axis in (v.outward, v.normal):
+            h[:4], h[4:] = v.w * axis[0], v.w * axis[1]
+            here = np.array([v.w @ x[v.nodes], v.w @ x[K + v.nodes]])
+            filter_kernels.update(x, P, index, h, 8, float((place - here) @ axis), 1.5**2 / dt_ms, Ph)
+        turn = float(v.outward[0] * outward[1] - v.outward[1] * outward[0])
+        h[:4], h[4:] = v.w1 * v.normal[0] / v.stretch, v.w1 * v.normal[1] / v.stretch
+        filter_kernels.update(x, P, index, h, 8, turn, 0.05**2 / dt_ms, Ph)
 
     def _step(
         self, v: EndView, last: npt.NDArray[np.int64], t_us: int, params: ChainParams, scratch: PatchScratch
@@ -266,9 +288,13 @@ class End:
             return False
         if not self._step(v, last, t_us, params, scratch):
             return False
-        self._votes.append(float(scratch.out[0]))
-        recent = self._votes[-6:]
+        self._votes.append((float(scratch.out[0]), v.point.copy()))
+        recent = [vote[0] for vote in self._votes[-6:]]
         if len(recent) < 6 or max(recent) - min(recent) > 6.0:
+            return False
+        # An end that the frame took for hidden must have travelled: what hides it would have stayed where it is.
+        travel = float(np.hypot(*(v.point - self._votes[0][1])))
+        if self.kind is EndKind.HIDDEN and travel < _HIDDEN_TRAVEL_PX:
             return False
         self.kind = EndKind.TIP
         self.u = u + float(np.median(recent)) / v.stretch

@@ -49,8 +49,8 @@ class ChainParams(BaseModel):
     accel_length_px: float = Field(200.0, ge=30.0, le=2000.0, description="arc length over which accelerations agree")
     velocity_decay_ms: float = Field(80.0, ge=5.0, le=2000.0, description="time constant of velocities without data")
     length_sigma_px: float = Field(0.4, gt=0.0, le=10.0, description="stretch of one node distance, per sqrt(ms)")
-    scale_sigma: float = Field(0.002, ge=0.0, le=0.1, description="common change of length in px at the start")
-    scale_noise: float = Field(0.0005, ge=0.0, le=0.01, description="its random walk while moving, per sqrt(ms)")
+    scale_sigma: float = Field(0.005, ge=0.0, le=0.1, description="common change of all lengths in px")
+    scale_memory_ms: float = Field(200.0, ge=1.0, le=1e5, description="time constant of that change")
     bend_sigma_px: float = Field(1.0, gt=0.0, le=30.0, description="change of one second difference, per sqrt(ms)")
     bend_memory: float = Field(0.05, ge=0.0, le=1.0, description="share of the current shape in the own shape, per ms")
 
