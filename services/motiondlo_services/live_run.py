@@ -104,20 +104,23 @@ def play(
         load = _SegmenterLoad(bus) if segmenter_load else None
         stack.enter_context(use_subscriber_scheduling())
         cpu = _CpuMeter()
-        end_s = float("inf")
+        end_s, next_s = float("inf"), 0.0
         try:
-            while time.monotonic() < min(end_s, deadline_s):
-                run.events += supervisor.step(time.monotonic())
-                if on_step is not None:
-                    on_step(supervisor, run)
+            while (now_s := time.monotonic()) < min(end_s, deadline_s):
                 bus.wait(_WAIT_S, states, health)
                 for state in states.drain():
                     _note(run, state)
                     if on_state is not None:
                         on_state(state)
+                if now_s < next_s:
+                    continue
+                # The rest only now and then: receiving must not wait for it.
+                next_s = now_s + _WAIT_S
+                run.events += supervisor.step(now_s)
+                if on_step is not None:
+                    on_step(supervisor, run)
                 for message in health.drain():
                     run.health[message.daemon] = message
-                now_s = time.monotonic()
                 if load is not None and run.states:
                     load.step(now_s)
                 cpu.step(run, supervisor, now_s)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter_ns, thread_time_ns
 from typing import Any
 
@@ -72,6 +72,7 @@ def percentiles(values_ms: npt.NDArray[np.float64]) -> dict[str, float | None]:
 
 def measure(recording: Recording, options: TrackOptions, progress: Progress = no_progress) -> Timing:
     """Time every update of a recording. Raises as :func:`motiondlo.offline.run_track.prepare`."""
+    options = replace(options, timed=True)
     prepare(recording, options)  # wrong options fail before the warm-up
     _pass(recording, options, WARM_UP_UPDATES, lambda share: progress(0.5 * share))
     with _frozen_garbage_collector():

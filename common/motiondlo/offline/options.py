@@ -33,6 +33,8 @@ class TrackOptions:
     """Batch period: one estimate of every DLO per batch."""
     segmenter_latency_ms: float = 1000.0
     """How long after its request a segmentation is used, event time."""
+    timed: bool = False
+    """The tracker tells the host's time per stage with every update."""
     tracker: Mapping[str, Any] = field(default_factory=dict)
     """Overrides of the tracker's parameters."""
     fusion: Mapping[str, Any] = field(default_factory=dict)

@@ -76,7 +76,7 @@ def prepare(recording: Recording, options: TrackOptions) -> TrackRun:
     tracker: EventTracker = (
         FrameHoldTracker()
         if options.mode is TrackMode.FRAME
-        else make_tracker(options.profile, options.tracker, events.geometry)
+        else make_tracker(options.profile, options.tracker, events.geometry, timed=options.timed)
     )
     end_us = recording.frames[-1].t_us if recording.frames else 0
     return TrackRun(recording, events, HybridLoop(tracker, fusion, branch), options, end_us)

@@ -21,9 +21,9 @@ PROFILES = ("default", "paper")
 def tracker_params(profile: str, overrides: Mapping[str, Any]) -> BaseModel:
     """The profile's parameters with ``overrides`` (field name -> value). Raises ConfigError naming what is wrong."""
     if profile == "default":
-        from motiondlo.tracking.chain.params import ChainParams
+        from motiondlo.tracking.inextensible.params import InextensibleParams
 
-        return validated(ChainParams, overrides, "tracker")
+        return validated(InextensibleParams, overrides, "tracker")
     if profile == "paper":
         from motiondlo.tracking.paper.params import PaperParams
 
@@ -31,8 +31,13 @@ def tracker_params(profile: str, overrides: Mapping[str, Any]) -> BaseModel:
     raise ConfigError(f"profile {profile!r} is not known.", f"Use one of: {', '.join(PROFILES)}.")
 
 
-def make_tracker(profile: str, overrides: Mapping[str, Any], geometry: SensorGeometry) -> EventTracker:
-    """A tracker of the profile for a sensor. Raises ConfigError for an unknown profile or a wrong override."""
+def make_tracker(
+    profile: str, overrides: Mapping[str, Any], geometry: SensorGeometry, timed: bool = False
+) -> EventTracker:
+    """A tracker of the profile for a sensor; ``timed``: its updates tell the host's time per stage.
+
+    Raises ConfigError for an unknown profile or a wrong override.
+    """
     params = tracker_params(profile, overrides)
     if profile == "paper":
         from motiondlo.tracking.paper.params import PaperParams
@@ -40,11 +45,11 @@ def make_tracker(profile: str, overrides: Mapping[str, Any], geometry: SensorGeo
 
         assert isinstance(params, PaperParams)
         return PaperTracker(params, geometry)
-    from motiondlo.tracking.chain.params import ChainParams
-    from motiondlo.tracking.chain.tracker import ChainTracker
+    from motiondlo.tracking.inextensible.params import InextensibleParams
+    from motiondlo.tracking.inextensible.tracker import InextensibleTracker
 
-    assert isinstance(params, ChainParams)
-    return ChainTracker(params, geometry)
+    assert isinstance(params, InextensibleParams)
+    return InextensibleTracker(params, geometry, timed=timed)
 
 
 def warm_up(profile: str, overrides: Mapping[str, Any], geometry: SensorGeometry) -> None:
@@ -53,6 +58,8 @@ def warm_up(profile: str, overrides: Mapping[str, Any], geometry: SensorGeometry
     y = geometry.height_px / 2.0
     nodes = np.stack([np.linspace(0.2, 0.8, 40) * geometry.width_px, np.full(40, y)], axis=1)
     sigma = np.full(40, 1.0)
+    nodes.setflags(write=False)
+    sigma.setflags(write=False)
     tracker.correct(
         Correction(
             seq=1,
@@ -92,4 +99,5 @@ def _sweeping_edges(k: int, nodes: npt.NDArray[np.float64], y: float) -> EventBa
     events["x"] = np.concatenate([x, x])
     events["y"] = np.concatenate([np.full(len(x), y + k - 12), np.full(len(x), y + k + 12)]).astype(np.int64)
     events["p"] = np.repeat([0, 1], len(x))
+    events.setflags(write=False)  # as what the bus delivers: kernels are compiled for it separately
     return EventBatch(k * 1000, (k + 1) * 1000, events)

@@ -1,1 +1,1 @@
-"""The event ingest's daemon."""
+"""Event ingest: camera or file in, batches on a fixed time grid and triggers out."""
