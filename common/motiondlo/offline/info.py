@@ -98,7 +98,6 @@ class _Scan:
     def __init__(self) -> None:
         self.events = 0
         self.on = 0
-        self.first_us = -1
         self.last_us = -1
         self.start_us = -1
         self.peak = 0
@@ -144,6 +143,9 @@ def _scan(source: EventFile) -> _Scan:
         times_us = batch.events["t"]
         if scan.last_us >= 0:
             scan.gap(int(times_us[0]) - scan.last_us)
+        elif scan.start_us > 0:
+            scan.start_us = int(times_us[0])
+        scan.longest_gap_us = max(scan.longest_gap_us, int(np.diff(times_us).max(initial=0)))
         scan.last_us = int(times_us[-1])
         scan.events += n
         scan.on += int(np.count_nonzero(batch.events["p"]))
