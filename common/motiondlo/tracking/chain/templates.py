@@ -15,8 +15,12 @@ F4 = npt.NDArray[np.float32]
 
 PROFILE_MARGIN_PX = 12.0
 """Reach of a profile beyond the radius: cast shadows and highlights on the board."""
-_PAIR_SHARE = 0.25
+_EDGE_SIGMA_PX = 0.9
+_INTERIOR_SHARE = 0.35
 _MIN_GRADIENT = 0.02
+# Rises of log-luminance across an edge: of one whose sign can be trusted, and of one that surely makes events.
+_SURE_SIGN = 0.08
+_SURE_EDGE = 0.3
 
 
 def profile_bins(radius_px: float) -> int:
@@ -24,17 +28,20 @@ def profile_bins(radius_px: float) -> int:
     return round(2.0 * (radius_px + PROFILE_MARGIN_PX))
 
 
-def pair_density(radius_px: float, half_bins: int, bright: FloatArray) -> FloatArray:
-    """(S, 2, J) two edges at +-r; ``bright`` (S, 2): sign of inner minus outer brightness at -r and at +r."""
+def edge_density(radius_px: float, half_bins: int, rises: FloatArray) -> FloatArray:
+    """(S, 2, J) two edges at +-r, summing to one; rises (S, 2): change of log-luminance along the normal at -r, +r.
+
+    Both edges of a DLO are there whatever the light does; a faint one makes fewer events, and either sign of them.
+    """
     d = (np.arange(2 * half_bins + 1) - half_bins) * 0.5
-    out = np.zeros((len(bright), 2, len(d)))
-    for side, sign in ((0, 1.0), (1, -1.0)):
-        edge = np.exp(-0.5 * ((d - (-radius_px if side == 0 else radius_px)) / 1.5) ** 2)
-        rises = bright[:, side] * sign
-        out[:, 0] += np.maximum(rises, 0.0)[:, None] * edge
-        out[:, 1] += np.maximum(-rises, 0.0)[:, None] * edge
-    total = out.sum(axis=(1, 2), keepdims=True)
-    return np.asarray(out / np.maximum(total, 1e-12), dtype=np.float64)
+    out = np.zeros((len(rises), 2, len(d)))
+    for side, place in ((0, -radius_px), (1, radius_px)):
+        edge = np.exp(-0.5 * ((d - place) / _EDGE_SIGMA_PX) ** 2)
+        weight = 0.15 + np.tanh(np.abs(rises[:, side]) / _SURE_EDGE)
+        positive = 0.5 * (1.0 + np.tanh(rises[:, side] / _SURE_SIGN))
+        out[:, 0] += (weight * positive)[:, None] * edge
+        out[:, 1] += (weight * (1.0 - positive))[:, None] * edge
+    return np.asarray(out / out.sum(axis=(1, 2), keepdims=True), dtype=np.float64)
 
 
 def profile_densities(
@@ -42,12 +49,10 @@ def profile_densities(
 ) -> FloatArray:
     """Densities (S, 2, J) of positive and negative brightness gradients along the normal at arc lengths ``s_px`` (S,).
 
-    Each sums to one over both signs: three parts of the frame's gradients to one part of two plain edges at +-r.
-    Without a look, or where the frame does not reach: two edges of either sign.
+    Each sums to one over both signs. Most of it lies at the two edges at +-r, the rest where the frame has gradients:
+    highlights, prints, cast shadows. Without a look, or where the frame does not reach: two edges of either sign.
     """
-    count = len(s_px)
-    unknown = pair_density(radius_px, half_bins, np.ones((count, 2)))
-    unknown = 0.5 * (unknown + unknown[:, ::-1])
+    unknown = edge_density(radius_px, half_bins, np.zeros((len(s_px), 2)))
     if look is None:
         return unknown
     rows = (s_px - look.s0_px) / look.ds_px
@@ -55,22 +60,27 @@ def profile_densities(
     centre = (look.strip.shape[1] - 1) / 2.0
     d = (np.arange(2 * half_bins + 1) - half_bins) * 0.5
     columns = d / look.dn_px + centre
-    lines = np.stack([_sample(look.strip, rows + k, columns) for k in range(-half, half + 1)])
-    known = np.stack([_sample(look.known.astype(np.float32), rows + k, columns) for k in range(-half, half + 1)])
-    profile = lines.mean(axis=0)
+    steps = range(-half, half + 1)
+    profile = np.stack([_sample(look.strip, rows + k, columns) for k in steps]).mean(axis=0)
+    known = np.stack([_sample(look.known.astype(np.float32), rows + k, columns) for k in steps]).mean(axis=(0, 2))
+    rises = np.stack(
+        [_at(profile, d, side * radius_px + 2.5) - _at(profile, d, side * radius_px - 2.5) for side in (-1.0, 1.0)],
+        axis=1,
+    )
     gradient = np.gradient(gaussian_filter(profile, (0.0, 1.0), mode="nearest"), 0.5, axis=1)
-    gradient[np.abs(gradient) < _MIN_GRADIENT] = 0.0
-    total = np.abs(gradient).sum(axis=1)
-    inner = profile[:, np.abs(d) < 0.6 * radius_px].mean(axis=1)
-    outer = [
-        profile[:, (side * d > 1.3 * radius_px) & (side * d < 1.3 * radius_px + 6.0)].mean(axis=1) for side in (-1, 1)
-    ]
-    pair = pair_density(radius_px, half_bins, np.sign(np.stack([inner - o for o in outer], axis=1)))
-    seen = np.stack([np.maximum(gradient, 0.0), np.maximum(-gradient, 0.0)], axis=1)
-    seen /= np.maximum(total, 1e-9)[:, None, None]
-    mixed = (1.0 - _PAIR_SHARE) * seen + _PAIR_SHARE * pair
-    usable = (known.mean(axis=(0, 2)) > 0.7) & (total > 0.0) & (pair.sum(axis=(1, 2)) > 0.5)
-    return np.where(usable[:, None, None], mixed, unknown)
+    strength = np.sqrt(np.maximum(np.abs(gradient) - _MIN_GRADIENT, 0.0))
+    total = strength.sum(axis=1)
+    inside = np.stack([np.where(gradient > 0.0, strength, 0.0), np.where(gradient < 0.0, strength, 0.0)], axis=1)
+    # A plain DLO on a plain board has nothing but noise between its edges.
+    share = (_INTERIOR_SHARE * np.minimum(1.0, total / 20.0))[:, None, None]
+    mixed = (1.0 - share) * edge_density(radius_px, half_bins, rises)
+    mixed += share * inside / np.maximum(total, 1e-9)[:, None, None]
+    return np.where((known > 0.7)[:, None, None], mixed, unknown)
+
+
+def _at(profile: FloatArray, d: FloatArray, place: float) -> FloatArray:
+    """(S,) values of (S, J) profiles at one offset."""
+    return np.asarray([np.interp(place, d, row) for row in profile], dtype=np.float64)
 
 
 def seen_in_frame(
