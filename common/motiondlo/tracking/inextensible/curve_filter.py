@@ -23,10 +23,12 @@ from motiondlo.tracking.inextensible.row_kernels import bend_rows, remember_bend
 from motiondlo.tracking.inextensible.shape import STRIDE, fit_pose, make_layout
 from motiondlo.tracking.types import Correction
 
-_FIELD_PX = 36.0
+_FIELD_PX = 24.0
+_ANGLE_FLOOR = 1.0
+"""Inverse variance of angle coefficients, 1/rad^2: no field of places may leave them free."""
 _START_CORRELATION_PX = 120.0
 _LARGEST_SIGMA_PX = 80.0
-_GAP_MS = 20.0
+GAP_MS = 20.0
 """Longer steps are no motion that could be predicted."""
 
 
@@ -82,7 +84,7 @@ class CurveFilter:
         cov = np.zeros((self.size, self.size))
         precision = self._precision(spread, _START_CORRELATION_PX, 0.05)
         start = np.zeros((n, n))
-        acceleration_covariance(self.jacobian, self._field, precision, 1e-6, start)
+        acceleration_covariance(self.jacobian, self._field, precision, _ANGLE_FLOOR, start)
         cov[:n, :n] = start
         cov[n : 2 * n, n : 2 * n] = self._acceleration * 0.02**2
         tips = np.maximum(correction.sigma_tangent_px[[0, -1]], p.tip_offset_sigma_px)
@@ -99,7 +101,7 @@ class CurveFilter:
         return np.ascontiguousarray(np.linalg.inv(k))
 
     def _refresh_acceleration(self) -> None:
-        acceleration_covariance(self.jacobian, self._field, self._field_precision, 1e-6, self._acceleration)
+        acceleration_covariance(self.jacobian, self._field, self._field_precision, _ANGLE_FLOOR, self._acceleration)
 
     def place(self) -> None:
         """Evaluate the curve at the state."""
@@ -120,11 +122,11 @@ class CurveFilter:
     def advance(self, dt_ms: float, noise: float) -> None:
         """Predict by ``dt_ms`` with an acceleration noise of ``noise`` px^2/ms^3."""
         n = self.n
-        if dt_ms > _GAP_MS:
+        if dt_ms > GAP_MS:
             # Nothing is known of so long a time: the shape may be anywhere near, and what it did is over.
             self.x[n : 2 * n] = 0.0
             self.cov += self._first_cov
-            dt_ms = _GAP_MS
+            dt_ms = GAP_MS
         decay = float(np.exp(-dt_ms / self.params.velocity_decay_ms))
         if float(self.sn.max()) > _LARGEST_SIGMA_PX:
             # Out of sight for long: it is lost there already, more noise would only spoil the numbers.

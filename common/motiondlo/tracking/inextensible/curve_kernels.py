@@ -64,7 +64,7 @@ def acceleration_covariance(jacobian, nodes, precision, floor, out):  # type: ig
 
     jacobian: (m, 2, n); nodes: (g,) int64 stations; precision: (g, g) inverse covariance of the field at the nodes
     (each coordinate on its own). Conditioning the field on constant length gives
-    ``(sum_xy J' precision J + floor)^-1``. out: (n, n).
+    ``(sum_xy J' precision J + floor)^-1``, the floor for the angles only. out: (n, n).
     """
     n = jacobian.shape[2]
     g = nodes.shape[0]
@@ -75,6 +75,6 @@ def acceleration_covariance(jacobian, nodes, precision, floor, out):  # type: ig
             for k in range(n):
                 jn[i, k] = jacobian[nodes[i], c, k]
         a += jn.T @ (precision @ jn)
-    for k in range(n):
+    for k in range(2, n):
         a[k, k] += floor
     out[:, :] = np.linalg.inv(a)

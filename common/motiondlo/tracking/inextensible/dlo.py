@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from motiondlo.events.types import SensorGeometry
 from motiondlo.frames.types import EndKind, FloatArray
-from motiondlo.tracking.inextensible.curve_filter import CurveFilter
+from motiondlo.tracking.inextensible.curve_filter import GAP_MS, CurveFilter
 from motiondlo.tracking.inextensible.ends import EndPose, EndTracker
 from motiondlo.tracking.inextensible.filter_kernels import END_A, STRETCH
 from motiondlo.tracking.inextensible.late import PastState, carried_innovation, oriented_like
@@ -50,7 +50,7 @@ class InextensibleDlo(CurveFilter):
             np.zeros(m) for _ in range(7)
         )
         self.count = np.zeros(m, np.int64)
-        self.good, self.active = np.zeros(m, np.uint8), np.zeros(m, np.uint8)
+        self.good, self.covered, self.active = (np.zeros(m, np.uint8) for _ in range(3))
         self.window_max = np.full(m, p.window_max_ms)
         self.band = np.full(m, p.band_px)
         self.vn_past, self.past = np.zeros((4, m)), 0
@@ -77,6 +77,7 @@ class InextensibleDlo(CurveFilter):
         # motion
         self.noise_factor = 1.0
         self.silent_ms = 0.0
+        self.quiet_ms = 0.0
         self.background_per_ms = 0.0
         self.recent_speed = 0.0
         self.frozen = True
@@ -123,6 +124,9 @@ class InextensibleDlo(CurveFilter):
         share = max(p.noise_rest_share, min(self.recent_speed / p.noise_speed, 1.5))
         before_x, before_cov = self.x.copy(), self.cov.copy()
         self.advance(dt_ms, p.noise_scale * share * self.noise_factor)
+        if dt_ms > GAP_MS and not self.frozen:
+            # It moved on while nobody looked: silence now does not say that it stayed where it was.
+            before_x, before_cov = self.x.copy(), self.cov.copy()
         active = self.active
         lo_px, hi_px = self._extent()
         prepare_stations(
@@ -140,14 +144,15 @@ class InextensibleDlo(CurveFilter):
         rows.count, self.seen, self.could = station_rows(
             n, dt_ms, self.h_normal, self.h_stretch, self.vn, self.sn, self.offset, self.sigma, self.age, self.count,
             self.quality, self.window, active, self.alive, p.sigma_floor_px, p.sigma_age, p.age_share, p.quality_min,
-            p.events_min, p.rest_sigma, p.rest_velocity, rows.h, rows.z, rows.w, rows.robust, self.good, self.nis,
+            p.events_min, p.rest_sigma, p.rest_velocity, rows.h, rows.z, rows.w, rows.robust, self.good, self.covered,
+            self.nis,
         )  # fmt: skip
         first_end_row = rows.count
         poses = [self._end_pose(end, dt_ms) for end in self.ends]
         for end, pose in zip(self.ends, poses, strict=True):
             end.observe(surface, t_us, dt_ms, pose, self.x, rows, self.geometry.width_px, self.geometry.height_px)
         end_nis = float(largest_innovation(self.cov, rows.h, rows.z, rows.w, first_end_row, rows.count))
-        if self._idle(speed):
+        if self._idle(speed, dt_ms):
             self.x[:] = before_x
             self.x[n : 2 * n] *= 0.7
             self.cov[:] = before_cov
@@ -161,7 +166,16 @@ class InextensibleDlo(CurveFilter):
                 self._adapt(dt_ms, end_nis)
                 self._learn(surface, t_us, dt_ms)
         update_support(
-            dt_ms, active, self.good, self.count, self.vn, p.events_min, self.alive, self.support, self.absent_ms
+            dt_ms,
+            active,
+            self.good,
+            self.covered,
+            self.count,
+            self.vn,
+            p.events_min,
+            self.alive,
+            self.support,
+            self.absent_ms,
         )
         self.seen_ms += dt_ms * self.good
         for end in self.ends:
@@ -207,17 +221,13 @@ class InextensibleDlo(CurveFilter):
                 end.s_px = float(self._edge.mean())
                 self.widen_end(end.index, p.end_found_sigma_px)
 
-    def _idle(self, speed: float) -> bool:
+    def _idle(self, speed: float, dt_ms: float) -> bool:
+        """Whether the DLO is to be frozen: what is in view of it makes no events."""
         p = self.params
-        quiet = self.seen < p.idle_share * max(self.could, 1)
-        moved = any(
-            end.held
-            and end.stirred
-            and end.patch_events >= p.patch_events_min
-            and (end.shift_px > 1.0 or end.learned < 2)
-            for end in self.ends
-        )
-        return quiet and speed < 2.0 * p.idle_velocity and not moved
+        quiet = self.seen < p.idle_share * max(self.could, 1) and not any(end.moved for end in self.ends)
+        self.quiet_ms = self.quiet_ms + dt_ms if quiet else 0.0
+        # A fast DLO in view cannot be silent: after a few ms it has stopped, or events are missing.
+        return quiet and (speed < 2.0 * p.idle_velocity or (self.could >= 4 and self.quiet_ms > p.stop_ms))
 
     def _adapt(self, dt_ms: float, end_nis: float) -> None:
         p = self.params

@@ -123,6 +123,14 @@ class EndTracker:
         return self.kind is EndKind.BORDER
 
     @property
+    def moved(self) -> bool:
+        """Whether this end was seen to move by the last look."""
+        if math.isfinite(self.tip_shift_px):
+            return abs(self.tip_shift_px) > 1.0
+        enough = self.held and self.stirred and self.patch_events >= self.params.patch_events_min
+        return enough and (self.shift_px > 1.0 or self.learned < 2)
+
+    @property
     def free(self) -> bool:
         """Whether this end is a tip that can be measured."""
         return self.kind is EndKind.TIP

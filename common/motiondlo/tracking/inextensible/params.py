@@ -74,6 +74,7 @@ class InextensibleParams(BaseModel):
     rest_velocity: float = Field(0.5, ge=0.05, le=5.0, description="silence means rest below this velocity")
     idle_velocity: float = Field(0.3, ge=0.01, le=5.0, description="a silent DLO below this velocity is frozen")
     idle_share: float = Field(0.15, ge=0.0, le=1.0, description="share of stations seen below which a DLO is silent")
+    stop_ms: float = Field(4.0, ge=0.5, le=100.0, description="silence after which even a fast DLO is frozen")
     asleep_after_ms: float = Field(25.0, ge=1.0, le=1000.0, description="silence after which a DLO costs nothing")
     wake_events: int = Field(
         10, ge=1, le=1000, description="events near a sleeping DLO, per ms above twice the background, that wake it"

@@ -12,12 +12,12 @@ from motiondlo.tracking.inextensible.filter_kernels import STRETCH
 def station_rows(  # type: ignore[no-untyped-def]
     n, dt_ms, h_normal, h_stretch, vn, sn, offset, sigma, age, count, quality, window_ms, active, alive,
     sigma_floor, sigma_age, age_share, quality_min, events_min, rest_sigma, rest_velocity,
-    h, z, w, robust, good, nis,
+    h, z, w, robust, good, covered, nis,
 ):  # fmt: skip
     """Write the rows of all stations; returns (rows, stations seen, stations that could be seen).
 
     A station with a matched profile binds its normal coordinate at the mean age of its events; one that is visible and
-    silent binds its normal rate to zero. Out: good (m,) uint8, nis (m,) squared innovation over its variance.
+    silent binds its normal rate to zero. Out, (m,): good and covered uint8, nis squared innovation over its variance.
     """
     m = h_normal.shape[0]
     size = h.shape[1]
@@ -34,6 +34,7 @@ def station_rows(  # type: ignore[no-untyped-def]
     new_min = max(events_min, 0.3 * total / max(matched, 1))
     for i in range(m):
         good[i] = 0
+        covered[i] = 0
         nis[i] = 0.0
         if not active[i]:
             continue
@@ -56,18 +57,22 @@ def station_rows(  # type: ignore[no-untyped-def]
             rows += 1
             seen += 1
     for i in range(m):
-        if not active[i] or good[i]:
+        if not active[i] or good[i] or count[i] >= events_min // 2:
             continue
-        if count[i] < events_min // 2 and abs(vn[i]) < rest_velocity and alive[i] > 0.5:
-            # Silent between two parts that move: covered, not at rest.
-            a = i - 1
-            while a >= 0 and not good[a]:
-                a -= 1
-            b = i + 1
-            while b < m and not good[b]:
-                b += 1
-            if a >= 0 and b < m and abs(vn[a]) > rest_velocity and abs(vn[b]) > rest_velocity:
-                continue
+        # Silent between two parts that move: covered, not at rest.
+        a = i - 1
+        while a >= 0 and not good[a]:
+            a -= 1
+        b = i + 1
+        while b < m and not good[b]:
+            b += 1
+        moves = a >= 0 and b < m
+        if moves:
+            moves = abs(vn[a]) > rest_velocity or abs(offset[a]) > 1.0
+            moves = moves and (abs(vn[b]) > rest_velocity or abs(offset[b]) > 1.0)
+        if moves:
+            covered[i] = 1
+        elif abs(vn[i]) < rest_velocity and alive[i] > 0.5:
             for k in range(size):
                 h[rows, k] = 0.0
             for k in range(n):
@@ -109,7 +114,7 @@ def remember_bend(n, x, share, alive, memory):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def update_support(dt_ms, active, good, count, vn, events_min, alive, support, absent_ms):  # type: ignore[no-untyped-def]
+def update_support(dt_ms, active, good, covered, count, vn, events_min, alive, support, absent_ms):  # type: ignore[no-untyped-def]
     """Follow what is known of every station; all (m,).
 
     alive 0..1: it is known to be in view; support 0..1: it was seen lately, or rests where it was seen; absent_ms: how
@@ -131,7 +136,7 @@ def update_support(dt_ms, active, good, count, vn, events_min, alive, support, a
             alive[i] = min(1.0, alive[i] + 0.1 * dt_ms)
             support[i] = min(1.0, support[i] + 0.2 * dt_ms)
             absent_ms[i] = max(0.0, absent_ms[i] - 3.0 * dt_ms)
-        elif abs(vn[i]) > 0.7:
+        elif covered[i] or abs(vn[i]) > 0.7:
             if count[i] < fewest:
                 alive[i] = max(0.0, alive[i] - 0.1 * dt_ms)
                 absent_ms[i] += dt_ms

@@ -1,0 +1,108 @@
+"""A gripper's patch and a tip's profile are found where they are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from motiondlo.tracking.inextensible.end_kernels import (
+    collect_patch,
+    collect_tip,
+    learn_patch,
+    match_patch,
+    match_tip,
+    shortest_window,
+)
+
+A_MIN, B_MAX = -20.0, 40.0
+
+
+def jaws(count: int = 400) -> tuple[np.ndarray, np.ndarray]:
+    """Events of an L-shaped piece in the patch's frame."""
+    rng = np.random.default_rng(1)
+    along = np.where(rng.random(count) < 0.5, rng.uniform(5.0, 45.0, count), 25.0)
+    across = np.where(along == 25.0, rng.uniform(-25.0, 25.0, count), 12.0)
+    return (along + rng.normal(0, 0.4, count)).astype(np.float32), (across + rng.normal(0, 0.4, count)).astype(
+        np.float32
+    )
+
+
+def learned_jaws() -> tuple[np.ndarray, np.ndarray]:
+    template = np.full((81, 81), 1.0 / 81**2, np.float32)
+    log_template = np.zeros_like(template)
+    a, b = jaws()
+    for _ in range(5):
+        learn_patch(template, log_template, a, b, len(a), A_MIN, B_MAX, 0.5, 0.3)
+    return template, log_template
+
+
+@pytest.mark.parametrize(("shift_a", "shift_b"), [(0.0, 0.0), (3.0, -2.0), (-4.0, 5.0)])
+def test_patch_is_found_where_it_went(shift_a: float, shift_b: float) -> None:
+    _, log_template = learned_jaws()
+    a, b = jaws()
+    out = np.zeros(7)
+    match_patch(log_template, a + np.float32(shift_a), b + np.float32(shift_b), len(a), A_MIN, B_MAX, 6, 300, out)
+    assert out[0] == pytest.approx(shift_a, abs=0.6)
+    assert out[1] == pytest.approx(shift_b, abs=0.6)
+    assert out[3] > 0.5
+
+
+def test_other_events_do_not_fit_the_patch() -> None:
+    _, log_template = learned_jaws()
+    rng = np.random.default_rng(9)
+    a, b = rng.uniform(-20, 60, 400).astype(np.float32), rng.uniform(-40, 40, 400).astype(np.float32)
+    out = np.zeros(7)
+    match_patch(log_template, a, b, 400, A_MIN, B_MAX, 6, 300, out)
+    assert out[3] < 0.1
+
+
+def test_patch_is_collected_in_its_own_frame_and_without_the_dlo() -> None:
+    surface = np.full((2, 200, 200), -(1 << 60), np.int64)
+    surface[1, 100, 70] = 9_000  # 30 px outward of (100, 100) along -x, 1 ms old
+    surface[0, 100, 115] = 9_500  # on the DLO: left out
+    surface[0, 120, 115] = 9_500  # beside it
+    buffers = [np.zeros(50, np.float32) for _ in range(3)]
+    n, age, window = collect_patch(
+        surface, 10_000, 100.0, 100.0, -1.0, 0.0, 2.0, 0.0, 0.0, 1.0, 4.0, 300, 0.0, A_MIN, 60.0, B_MAX, 12.0, *buffers
+    )
+    found = sorted(zip(buffers[0][:n].tolist(), buffers[1][:n].tolist(), strict=True))
+    assert found == [pytest.approx((-16.0, -20.0)), pytest.approx((28.0, 0.0))]
+    assert age == pytest.approx(0.75)
+    assert window == 4.0
+
+
+def test_window_is_as_short_as_the_events_allow() -> None:
+    ages = np.zeros(64, np.int64)
+    ages[:16] = 50  # 200 events a ms
+    assert shortest_window(ages, 300, 1.0, 8.0) == 1.5
+    assert shortest_window(ages, 10, 1.0, 8.0) == 1.0
+    assert shortest_window(ages, 10_000, 1.0, 8.0) == 8.0
+
+
+@pytest.mark.parametrize("shift", [-7, 0, 5])
+def test_tip_is_found_where_the_events_stop(shift: int) -> None:
+    profile = 0.03 + 0.97 / (1.0 + np.exp((np.arange(-40, 41) - 1.0) / 1.2))
+    histogram = np.where(np.arange(-40, 41) <= shift, 8.0, 0.0)
+    histogram[20] = 0.0
+    out = np.zeros(2)
+    match_tip(histogram, profile, 14, out)
+    assert out[0] == pytest.approx(shift, abs=1.0)
+    assert 0.0 < out[1] < 2.0
+
+
+def test_no_step_in_reach_is_no_tip() -> None:
+    profile = 0.03 + 0.97 / (1.0 + np.exp((np.arange(-40, 41) - 1.0) / 1.2))
+    out = np.zeros(2)
+    match_tip(np.full(81, 8.0), profile, 14, out)
+    assert out[1] == 0.0
+
+
+def test_tip_events_are_moved_with_the_tip() -> None:
+    surface = np.full((2, 100, 200), -(1 << 60), np.int64)
+    surface[0, 50, 90] = 8_000  # two ms ago, the tip has moved by 6 px since
+    surface[0, 80, 96] = 9_500  # too far across
+    histogram = np.zeros(81)
+    n, age = collect_tip(surface, 10_000, 100.0, 50.0, 1.0, 0.0, 3.0, 0.0, 4.0, 0.0, 10.0, histogram)
+    assert n == 1
+    assert histogram[40 - 4] == 1.0
+    assert age == pytest.approx(2.0)

@@ -1,0 +1,154 @@
+"""Stations find their offset from signed, motion-compensated events."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from motiondlo.tracking.inextensible.observe_kernels import (
+    collect_station,
+    learn_profiles,
+    observe_stations,
+    score_shifts,
+)
+from motiondlo.tracking.inextensible.params import InextensibleParams
+from motiondlo.tracking.inextensible.profiles import log_ratios, prior_profiles, visible_at_start
+
+PARAMS = InextensibleParams()
+RADIUS_PX = 8.0
+NEVER_US = -(1 << 60)
+
+
+def surface_of(scene, until_ms: int) -> np.ndarray:
+    surface = np.full((2, scene.geometry.height_px, scene.geometry.width_px), NEVER_US, np.int64)
+    for k in range(until_ms):
+        events = scene.batch(k).events
+        surface[events["p"], events["y"], events["x"]] = events["t"]
+    return surface
+
+
+def station_inputs(points: np.ndarray, vn: float):
+    m = len(points)
+    full = np.full
+    return {
+        "points": points, "theta": np.zeros(m), "kappa": np.zeros(m), "vn": full(m, vn), "vt": np.zeros(m),
+        "omega": np.zeros(m), "sv": full(m, 0.05),
+    }  # fmt: skip
+
+
+def observe(surface, t_us: int, points: np.ndarray, vn: float, llr: np.ndarray, active=None):
+    m = len(points)
+    out = {name: np.zeros(m) for name in ("offset", "sigma", "age", "quality", "window")}
+    count = np.zeros(m, np.int64)
+    active = np.ones(m, np.uint8) if active is None else active
+    observe_stations(
+        surface, t_us, *station_inputs(points, vn).values(), np.full(m, 4.0), np.full(m, 6.0), active, llr, 0.0, 6.0,
+        0.0, 1.0, 60, 8, 0.4, out["offset"], out["sigma"], out["age"], count, out["quality"], out["window"],
+    )  # fmt: skip
+    return out, count
+
+
+@pytest.mark.parametrize("error_px", [-2.0, 0.0, 1.5])
+def test_station_finds_the_bar_beside_the_prediction(bar_scene, sweep_path, error_px: float) -> None:
+    scene = bar_scene(sweep_path((0.0, 1.5)))
+    surface = surface_of(scene, 20)
+    y_true = scene.path(20.0)[1]
+    points = np.stack([np.array([150.0, 200.0, 250.0]), np.full(3, y_true - error_px)], axis=1)
+    correction = scene.correction()
+    profile = prior_profiles(np.array([70.0, 120.0, 170.0]), RADIUS_PX, correction.appearance, PARAMS)
+    out, count = observe(surface, 20_000, points, 1.5, log_ratios(profile, 0.5 / profile.shape[2]))
+    assert (count > 20).all()
+    np.testing.assert_allclose(out["offset"], error_px, atol=0.6)
+    assert (out["quality"] > PARAMS.quality_min).all()
+
+
+def test_events_of_the_wrong_sign_are_no_match(bar_scene, sweep_path) -> None:
+    """The same edges with all polarities exchanged are not this DLO (a dark one, moving alike)."""
+    scene = bar_scene(sweep_path((0.0, 1.5)))
+    surface = surface_of(scene, 20)[::-1].copy()
+    points = np.array([[200.0, scene.path(20.0)[1]]])
+    profile = prior_profiles(np.array([120.0]), RADIUS_PX, scene.correction().appearance, PARAMS)
+    out, _ = observe(surface, 20_000, points, 1.5, log_ratios(profile, 0.5 / profile.shape[2]))
+    assert out["sigma"][0] == 0.0 or out["quality"][0] < PARAMS.quality_min or abs(out["offset"][0]) > 3.0
+
+
+def test_inactive_and_silent_stations_say_nothing(bar_scene, sweep_path) -> None:
+    scene = bar_scene(sweep_path((0.0, 1.5)))
+    surface = surface_of(scene, 20)
+    points = np.array([[200.0, scene.path(20.0)[1]], [200.0, 250.0]])
+    profile = prior_profiles(np.array([120.0, 120.0]), RADIUS_PX, scene.correction().appearance, PARAMS)
+    out, count = observe(surface, 20_000, points, 1.5, log_ratios(profile, 0.1), np.array([0, 1], np.uint8))
+    assert (out["sigma"] == 0.0).all()
+    assert (count == 0).all()
+
+
+def test_collected_events_equal_a_plain_search(bar_scene, sweep_path) -> None:
+    scene = bar_scene(sweep_path((0.0, 1.0)))
+    surface = surface_of(scene, 16)
+    y = scene.path(16.0)[1]
+    d, age, sign = np.empty(4000, np.float32), np.empty(4000, np.float32), np.empty(4000, np.uint8)
+    n = collect_station(
+        surface, 16_000, 200.5, y, 0.0, 0.0, 1.0, 0.0, 0.0, 3.0, 20.0, 6.0, 0.0, 10**6, 0.0, d, age, sign
+    )
+    p, rows, columns = np.nonzero(surface[:, :, 195:207] > 13_000)
+    ages = (16_000 - surface[p, rows, columns + 195]) * 1e-3
+    want = rows - y + ages
+    keep = np.abs(want) <= 20.0
+    assert n == keep.sum()
+    np.testing.assert_allclose(np.sort(d[:n]), np.sort(want[keep]), atol=1e-3)
+    # moving towards +n, ON means that luminance falls along the normal: row 1
+    assert (sign[:n] == 1).sum() == (p[keep] == 1).sum()
+
+
+def test_dense_events_are_not_all_read(bar_scene, sweep_path) -> None:
+    scene = bar_scene(sweep_path((0.0, 3.0)))
+    surface = surface_of(scene, 20)
+    args = (surface, 20_000, 200.5, scene.path(20.0)[1], 0.0, 0.0, 3.0, 0.0, 0.0, 4.0, 20.0, 6.0, 0.0)
+    d, age, sign = np.empty(4000, np.float32), np.empty(4000, np.float32), np.empty(4000, np.uint8)
+    everything = collect_station(*args, 10**6, 1.0, d, age, sign)
+    enough = collect_station(*args, 10, 1.0, d, age, sign)
+    assert enough < 0.5 * everything
+
+
+def test_scores_equal_a_plain_sum() -> None:
+    rng = np.random.default_rng(2)
+    pad, reach, bins = 20, 8, 41
+    llr = np.zeros((2, bins + 2 * pad), np.float32)
+    llr[:, pad:-pad] = rng.normal(size=(2, bins))
+    d = rng.uniform(-8.0, 8.0, 50).astype(np.float32)
+    sign = rng.integers(0, 2, 50).astype(np.uint8)
+    scores = np.zeros(2 * reach + 1, np.float32)
+    score_shifts(d, sign, 50, llr, reach, pad, False, scores)
+    middle = 0.5 * (llr.shape[1] - 1)
+    for s in (-8, -1, 0, 5, 8):
+        at = (d * 2 + middle + 0.5).astype(int) - s
+        assert scores[s + reach] == pytest.approx(llr[sign, at].sum(), abs=1e-3)
+
+
+def test_profile_learns_an_edge_that_the_frame_did_not_show(bar_scene, sweep_path) -> None:
+    scene = bar_scene(sweep_path((0.0, 1.5)))
+    surface = surface_of(scene, 20)
+    points = np.array([[200.0, scene.path(20.0)[1]]])
+    prior = prior_profiles(np.array([120.0]), 5.0, None, PARAMS)
+    profile, llr = prior.copy(), log_ratios(prior, 0.01)
+    inputs = station_inputs(points, 1.5)
+    del inputs["sv"]
+    before = profile[0, :, 2 * 15 + 16].sum()
+    for _ in range(40):
+        learn_profiles(
+            surface, 20_000, *inputs.values(), np.full(1, 3.0), np.ones(1, np.uint8), 0, 1, 0.3, 6.0, 0.0, 0.1, 0.0,
+            0.01, prior, profile, llr,
+        )  # fmt: skip
+    bins = profile.shape[2]
+    edge = int((bins - 1) / 2 + 2 * 8)
+    assert profile[0, 1, edge - 1 : edge + 2].sum() > before + 0.2
+    assert profile.sum() == pytest.approx(1.0, abs=0.05)
+
+
+def test_what_is_covered_in_the_frame_is_not_visible_at_the_start(bar_scene, sweep_path) -> None:
+    appearance = bar_scene(sweep_path()).correction().appearance
+    strip = appearance.strip.copy()
+    strip[60:80] = 0.0
+    covered = type(appearance)(strip, appearance.known, appearance.s0_px)
+    s = np.array([0.0, 60.0, 200.0])
+    assert visible_at_start(s, RADIUS_PX, covered).tolist() == [True, False, True]
