@@ -34,6 +34,7 @@ from motiondlo.events.time_word_kernels import (
     S_HIGH,
     S_K,
     S_K_DONE,
+    S_LOW,
     S_MODE,
     S_N,
     S_N_DONE,
@@ -78,6 +79,7 @@ def _drop(state: Int64Array, counts: Int64Array) -> None:
 def _time_high(state: Int64Array, counts: Int64Array, value: int) -> None:
     started = state[S_MODE] != MODE_START
     before_us = (state[S_HIGH] << 6) + state[S_OFFSET_US]
+    state[S_LOW] = max(state[S_T_US] - before_us, 0)
     result = time_high(state, counts, value)
     if result & HIGH_DISPROVED:
         _drop(state, counts)

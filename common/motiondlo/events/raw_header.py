@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+import numpy as np
+
 from motiondlo.errors import RecordingError
 from motiondlo.events.types import SensorGeometry
 
@@ -27,6 +29,7 @@ class EventFormat(StrEnum):
     EVT3 = "EVT3"
 
 
+_EVT21_TYPES = (0x0, 0x1, 0x8, 0xA, 0xE, 0xF)
 _BY_NAME = {
     "EVT3": EventFormat.EVT3,
     "EVT2": EventFormat.EVT2,
@@ -70,7 +73,7 @@ def parse_raw_header(data: bytes, source: str = "events") -> RawHeader:
         format=_BY_NAME[name],
         geometry=_geometry_of(fields, options),
         size_bytes=size,
-        swapped_halves=options.get("endianness", "") == "legacy",
+        swapped_halves=_halves_are_swapped(options, data[size:]) if _BY_NAME[name] is EventFormat.EVT21 else False,
         fields=fields,
     )
 
@@ -100,6 +103,15 @@ def _format_of(fields: Mapping[str, str]) -> tuple[str, dict[str, str]]:
         options = dict(part.strip().lower().split("=", 1) for part in rest if "=" in part)
         return name.strip().upper().replace("EVT2.1", "EVT21"), options
     return fields.get("evt", ""), {}
+
+
+def _halves_are_swapped(options: Mapping[str, str], start: bytes) -> bool:
+    """EVT2.1: what the header says, or in which half of the first words the types are all known ones."""
+    if "endianness" in options:
+        return options["endianness"] == "legacy"
+    halves = np.frombuffer(start[: len(start) // 8 * 8], "<u4").reshape(-1, 2)
+    known = np.isin(halves >> 28, _EVT21_TYPES).sum(axis=0)
+    return bool(known[0] > known[1])
 
 
 def _geometry_of(fields: Mapping[str, str], options: Mapping[str, str]) -> SensorGeometry | None:
