@@ -132,7 +132,7 @@ class InextensibleDlo(CurveFilter):
         prepare_stations(
             dt_ms, self.p, self.s_px, self.vn, self.vn_past, self.past, self.sn, lo_px, hi_px, self.geometry.width_px,
             self.geometry.height_px, p.window_acceleration_px, p.window_travel_px, p.window_min_ms, p.window_max_ms,
-            p.band_px, p.band_max_px, active, self.accel, self.window_max, self.band,
+            p.band_px, p.band_sigmas, p.band_max_px, active, self.accel, self.window_max, self.band,
         )  # fmt: skip
         observe_stations(
             surface, t_us, self.p, self.th, self.kappa, self.vn, self.vt, self.omega, self.sv, self.window_max,

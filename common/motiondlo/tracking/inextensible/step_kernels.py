@@ -9,7 +9,7 @@ import numpy as np
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def prepare_stations(  # type: ignore[no-untyped-def]
     dt_ms, p, s_px, vn, vn_past, past, sn, lo_px, hi_px, width, height,
-    acceleration_px, travel_px, window_min_ms, window_max_ms, band_px, band_max_px,
+    acceleration_px, travel_px, window_min_ms, window_max_ms, band_px, band_sigmas, band_max_px,
     active, accel, window, band,
 ):  # fmt: skip
     """Decide which stations are looked at, for how long and how far.
@@ -29,7 +29,7 @@ def prepare_stations(  # type: ignore[no-untyped-def]
         longest = np.sqrt(acceleration_px / max(abs(accel[i]), 1e-3))
         longest = min(longest, travel_px / max(abs(vn[i]), 1e-3))
         window[i] = min(max(longest, 1.5 * window_min_ms), window_max_ms)
-        band[i] = min(max(band_px + 2.0 * sn[i], band_px), band_max_px)
+        band[i] = min(max(band_px + band_sigmas * sn[i], band_px), band_max_px)
         inside = -2.0 < p[i, 0] < width + 2.0 and -2.0 < p[i, 1] < height + 2.0
         active[i] = 1 if inside and lo_px < s_px[i] < hi_px else 0
 

@@ -114,7 +114,7 @@ def test_windows_follow_acceleration_and_travel() -> None:
 
     def prepared(vn: float, filled: int) -> float:
         prepare_stations(
-            1.0, *args, np.full(m, vn), past, filled, np.full(m, 0.5), 6.0, 90.0, 640, 480, 3.0, 8.0, 1.0, 8.0, 5.0,
+            1.0, *args, np.full(m, vn), past, filled, np.full(m, 0.5), 6.0, 90.0, 640, 480, 3.0, 8.0, 1.0, 8.0, 5.0, 2.0,
             22.0, active, out["accel"], out["window"], out["band"],
         )  # fmt: skip
         return float(out["window"][4])
