@@ -12,6 +12,8 @@ from motiondlo.tracking.chain import filter_kernels, near_kernels, profile_kerne
 from motiondlo.tracking.chain.ends import EXTRAS_PER_END, End, PatchScratch
 from motiondlo.tracking.chain.params import ChainParams
 from motiondlo.tracking.chain.spline import fit, weights
+from motiondlo.tracking.chain.texture import PAD_PX, Texture, find_texture
+from motiondlo.tracking.chain.texture_kernels import measure_texture
 from motiondlo.tracking.chain.templates import profile_bins, profile_densities, seen_in_frame
 from motiondlo.tracking.types import Correction, TrackSource, TrackState
 
@@ -45,6 +47,7 @@ class Chain:
         self.boost = 1.0
         self.motion = 0.0
         self.still_ms = 1000.0
+        self.texture_used = 0
         self.asleep = False
         self.foreign = np.zeros(self.S, np.bool_)
         self._foreign_count = 0
@@ -148,6 +151,10 @@ class Chain:
             End(correction.ends[k], k, look, length, self.radius_px, (self.u_first, self.u_last)[k]) for k in (0, 1)
         )
         self._place_output()
+        self.texture = find_texture(look, length, self.radius_px, p.texture_patches)
+        if self.texture is not None:
+            self._texture_at = weights((self.texture.s_px + before) / self.span_px, K)
+            self.texture_shifts = np.full(len(self.texture.s_px), np.nan)
         self._start_covariance(correction, before, length)
         filter_kernels.place(self.x, K, self.j0, self.w, self.w1, self.w2, self.g)
         self._look_inside()
@@ -347,6 +354,8 @@ class Chain:
         self._follow_into_view(last, t_us)
         for end in self.ends:
             end.measure(last, t_us, dt_ms, x, P, K, self.centre, p, self._Ph, self._scratch)
+        if self.texture is not None:
+            self._measure_texture(self.texture, last, t_us, dt_ms)
         self._renew_covers()
         filter_kernels.keep_length(x, P, K, self.lj0, self.lw1, self.stretch, p.length_sigma_px**2 / dt_ms, self._Ph)
         filter_kernels.keep_shape(x, P, K, self.own, p.bend_sigma_px**2 / dt_ms, self._Ph)
@@ -356,6 +365,15 @@ class Chain:
         filter_kernels.place(x, K, self.j0, self.w, self.w1, self.w2, g)
         self._vn_past[:-1] = self._vn_past[1:]
         self._vn_past[-1] = g[:, 6]
+
+    def _measure_texture(self, texture: Texture, last: npt.NDArray[np.int64], t_us: int, dt_ms: float) -> None:
+        p, scratch = self.params, self._scratch
+        j0, w, w1, w2 = self._texture_at
+        self.texture_used = measure_texture(
+            last, t_us, dt_ms, p.latency_us * 1e-3, p.window_px, p.window_max_ms, self.x, self.P, self.K, j0, w, w1, w2,
+            texture.tables, PAD_PX, texture.half_length_px, texture.half_width_px, p.texture_sigma_px, self._Ph,
+            scratch.a, scratch.d, scratch.p, scratch.age, scratch.score, scratch.out, self.texture_shifts,
+        )  # fmt: skip
 
     def _follow_into_view(self, last: npt.NDArray[np.int64], t_us: int) -> None:
         """Where the DLO came in from beyond the image: what is supported exists, and at some place it ends."""
@@ -407,6 +425,7 @@ class Chain:
         p, out, g = self.params, self.out, self.g
         found = out[:, 3]
         vn = np.abs(g[:, 6])
+        self.support[~self.inside] = 0.0
         self.support[self.use] = np.minimum(self.support[self.use] + dt_ms, 10.0)
         vanished = (found >= 0) & (found < p.min_events) & (vn > 0.7)
         self.support[vanished] = np.maximum(self.support[vanished] - dt_ms, 0.0)

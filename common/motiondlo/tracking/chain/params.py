@@ -61,5 +61,9 @@ class ChainParams(BaseModel):
     quiet_events: int = Field(40, ge=0, le=2000, description="a gripper in view with fewer events is at rest")
     end_sigma_px: float = Field(1.0, ge=0.1, le=10.0, description="white noise of a patch match at an end")
 
+    # texture
+    texture_patches: int = Field(10, ge=0, le=64, description="most marks on one DLO that are matched")
+    texture_sigma_px: float = Field(1.5, ge=0.1, le=10.0, description="white noise of a mark's place along the DLO")
+
     # uncertainty
     bias_sigma: float = Field(0.022, ge=0.0, le=0.5, description="correlated profile bias, share of the diameter")
