@@ -1,6 +1,8 @@
 """Parameters of the paper's tracker: one switch per component (for ablations), then the numbers.
 
-Numbers that the paper gives are marked "paper"; the others are choices where it is silent.
+Numbers that the paper gives are marked "paper"; the others are choices where it is silent. ``motion_limited_decay`` and
+``length_limit`` are repairs of ours without which the method loses fast DLOs and runs up the gripper; the paper as
+printed has them off.
 """
 
 from __future__ import annotations
