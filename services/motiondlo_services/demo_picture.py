@@ -11,6 +11,7 @@ import numpy.typing as npt
 from motiondlo.drawing.event_image import event_image
 from motiondlo.drawing.overlay import DrawnDlo, overlay
 from motiondlo.errors import RecordingError
+from motiondlo.events.joining import join
 from motiondlo.events.reader import open_events
 from motiondlo.events.types import EventArray, empty_events
 from motiondlo.messages.state import StateMessage
@@ -70,7 +71,7 @@ def _events_before(recording: Recording, t_us: int) -> EventArray:
             break
         if batch.t1_us > t_us - _WINDOW_US:
             pieces.append(batch.events)
-    return np.concatenate(pieces)
+    return join(pieces)
 
 
 def _beside(left: npt.NDArray[np.uint8], right: npt.NDArray[np.uint8]) -> Image:

@@ -45,6 +45,7 @@ COMMANDS = (
     Command("eval", "motiondlo.cli.eval", "errors of tracks against a recording's ground truth"),
     Command("bench", "motiondlo.cli.bench", "time per update and per stage on this machine"),
     Command("bench live", "motiondlo_services.commands.bench_live", "end-to-end latency through the real daemons"),
+    Command("info", "motiondlo.cli.info", "summarise a recording or an events file"),
     Command("doctor", "motiondlo_services.commands.doctor", "check this machine and a cell's configuration"),
 )
 

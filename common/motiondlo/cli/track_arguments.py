@@ -50,12 +50,15 @@ def options_of(args: Namespace, profile: str) -> TrackOptions:
     """The options that the arguments say. Raises ConfigError for a wrong ``--set``."""
     from motiondlo.offline.options import TrackMode, TrackOptions, overrides_from
 
+    overrides = overrides_from(args.assignments)
     return TrackOptions(
         profile=profile,
         mode=TrackMode(args.mode),
         update_us=args.update_us,
         segmenter_latency_ms=args.segmenter_latency_ms,
-        **overrides_from(args.assignments),
+        tracker=overrides["tracker"],
+        fusion=overrides["fusion"],
+        frames=overrides["frames"],
     )
 
 

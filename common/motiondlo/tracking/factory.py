@@ -53,7 +53,14 @@ def make_tracker(
 
 
 def warm_up(profile: str, overrides: Mapping[str, Any], geometry: SensorGeometry) -> None:
-    """Compile, or load from the cache, every kernel of the profile: a made-up DLO, at rest and moving, for a moment."""
+    """Compile, or load from the cache, every kernel of the profile: made-up DLOs, at rest and moving, for a moment."""
+    params = tracker_params(profile, overrides)
+    if profile == "default":
+        from motiondlo.tracking.inextensible.params import InextensibleParams
+        from motiondlo.tracking.inextensible.warm_up import run_small_scene
+
+        assert isinstance(params, InextensibleParams)
+        run_small_scene(params)
     tracker = make_tracker(profile, overrides, geometry)
     y = geometry.height_px / 2.0
     nodes = np.stack([np.linspace(0.2, 0.8, 40) * geometry.width_px, np.full(40, y)], axis=1)

@@ -6,16 +6,15 @@ import sys
 import time
 from collections.abc import Iterator
 
-from motiondlo.bus.publisher import Publisher
 from motiondlo.bus.session import Bus
 from motiondlo.errors import ConfigError
-from motiondlo.events.clock import ClockEstimator
 from motiondlo.events.reader import EventFile, open_events
 from motiondlo.events.types import EventBatch
 from motiondlo.messages.events import ClockMessage, EventBatchMessage, TriggerMessage
 from motiondlo.messages.reject import Rejected
 from motiondlo.topics import EVENTS_BATCH, EVENTS_CLOCK, EVENTS_TRIGGER, HEALTH, STATE
 from motiondlo_services.event_ingest.config import EventIngestConfig
+from motiondlo_services.event_ingest.core import EventIngestCore, due_ns
 from motiondlo_services.event_ingest.readiness import TrackerReadiness
 from motiondlo_services.runtime.shell import Shell, run_daemon
 
@@ -23,6 +22,8 @@ WAIT_S = 0.05
 GRACE_S = 0.2
 """After the tracker has its first DLOs: time for the bus to connect the rest."""
 CLOCK_PERIOD_NS = 500_000_000
+LATE_NS = 20_000_000
+"""When sending is this far behind, what is due is taken in first, so that the core can drop the oldest."""
 
 
 def serve(shell: Shell, bus: Bus) -> None:
@@ -33,7 +34,7 @@ def serve(shell: Shell, bus: Bus) -> None:
     if recording is None:
         raise ConfigError(f"{shell.config_path}: [replay] recording is empty.", "Name the recording to play.")
     events = open_events(recording.events_path, shell.cell.geometry)
-    player = _Player(shell, bus, events, shell.cell.replay.speed)
+    player = _Player(shell, bus, events, config)
     shell.ready()
 
     # A restarted ingest goes on where the cell is; a first one waits until the tracker knows its DLOs.
@@ -47,14 +48,14 @@ def serve(shell: Shell, bus: Bus) -> None:
 
 
 class _Player:
-    """Sends batches when they are due and keeps the mapping from event clock to host clock."""
+    """Hands batches to the core when they are due, sends what it gives back, and the clock's mapping."""
 
-    def __init__(self, shell: Shell, bus: Bus, events: EventFile, speed: float) -> None:
-        self._shell, self._events, self._speed = shell, events, speed
+    def __init__(self, shell: Shell, bus: Bus, events: EventFile, config: EventIngestConfig) -> None:
+        self._shell, self._events = shell, events
+        self._core = EventIngestCore(None, config.batch_us, config.max_backlog)
         self._batches = bus.publisher(EVENTS_BATCH)
         self._triggers = bus.publisher(EVENTS_TRIGGER)
-        self._clocks: Publisher[ClockMessage] = bus.publisher(EVENTS_CLOCK)
-        self._clock = ClockEstimator()
+        self._clocks = bus.publisher(EVENTS_CLOCK)
         self._next_clock_ns = 0
 
     def has_readers(self) -> bool:
@@ -63,48 +64,58 @@ class _Player:
 
     def play(self, batches: Iterator[EventBatch]) -> None:
         """Until the end, or until told to stop."""
-        geometry = self._shell.cell.geometry
-        first_us, start_ns = -1, 0
+        speed = self._shell.cell.replay.speed
+        start: tuple[int, int] | None = None
         for batch in batches:
             if not self._shell.running:
                 return
-            if first_us < 0:
-                first_us, start_ns = batch.t0_us, time.monotonic_ns()
-            if self._speed > 0:
-                _sleep_until(start_ns + int((batch.t1_us - first_us) * 1000 / self._speed))
-            now_ns = time.monotonic_ns()
-            self._batches.put(EventBatchMessage.from_batch(batch, now_ns, geometry.width_px, geometry.height_px))
-            if len(batch.triggers):
-                self._triggers.put(
-                    TriggerMessage(t_us=int(batch.triggers["t"][-1]), triggers=batch.triggers, t_ingest_ns=now_ns)
-                )
-            self._clock.update(batch.t1_us, now_ns)
-            self._after(batch, now_ns)
+            if start is None:
+                start = batch.t0_us, time.monotonic_ns()
+            late_ns = time.monotonic_ns() - due_ns(batch.t1_us, *start, speed)
+            if late_ns < 0:
+                time.sleep(-late_ns * 1e-9)
+            self._core.push_batches((batch,), time.monotonic_ns())
+            if speed <= 0 or late_ns < LATE_NS:
+                self._send()
+        self._send()
 
-    def _after(self, batch: EventBatch, now_ns: int) -> None:
-        shell = self._shell
-        shell.t_us = batch.t1_us
-        shell.counts["batches"] += 1
-        shell.counts["events"] += len(batch.events)
-        shell.counts["triggers"] += len(batch.triggers)
-        if now_ns >= self._next_clock_ns and self._clock.ready:
-            self._next_clock_ns = now_ns + CLOCK_PERIOD_NS
-            self._clocks.put(
-                ClockMessage(
-                    t_us=batch.t1_us,
-                    anchor_us=batch.t1_us,
-                    anchor_host_ns=self._clock.host_ns(batch.t1_us),
-                    drift_ppm=self._clock.drift_ppm,
-                    sigma_us=self._clock.uncertainty_us,
-                )
+    def _send(self) -> None:
+        """Send all that waits."""
+        geometry = self._shell.cell.geometry
+        while (item := self._core.pop()) is not None:
+            self._batches.put(
+                EventBatchMessage.from_batch(item.batch, item.t_ingest_ns, geometry.width_px, geometry.height_px)
             )
-        shell.tick({f"damage {kind}": count for kind, count in self._events.damage.items()}, {})
+        triggers = self._core.take_triggers()
+        if len(triggers):
+            self._triggers.put(
+                TriggerMessage(t_us=int(triggers["t"][-1]), triggers=triggers, t_ingest_ns=time.monotonic_ns())
+            )
+        shell = self._shell
+        shell.t_us = self._core.t_us
+        shell.counts.update(
+            {name: getattr(self._core, name) - shell.counts[name] for name in ("batches", "events", "lost")}
+        )
+        self._send_clock()
+        shell.lifecycle = "degraded" if self._core.overloaded else "running"
+        damage = {f"damage {kind}": count for kind, count in self._events.damage.items()}
+        shell.tick({"triggers": self._core.trigger_monitor.triggers, **damage}, self._core.rejects)
 
-
-def _sleep_until(due_ns: int) -> None:
-    left_ns = due_ns - time.monotonic_ns()
-    if left_ns > 0:
-        time.sleep(left_ns * 1e-9)
+    def _send_clock(self) -> None:
+        clock, now_ns = self._core.clock, time.monotonic_ns()
+        if now_ns < self._next_clock_ns or not clock.ready:
+            return
+        self._next_clock_ns = now_ns + CLOCK_PERIOD_NS
+        t_us = self._core.t_us
+        self._clocks.put(
+            ClockMessage(
+                t_us=t_us,
+                anchor_us=t_us,
+                anchor_host_ns=clock.host_ns(t_us),
+                drift_ppm=clock.drift_ppm,
+                sigma_us=clock.uncertainty_us,
+            )
+        )
 
 
 def _resume_us(bus: Bus) -> int:

@@ -19,3 +19,4 @@ class EventTrackerConfig(BaseModel):
     patience: int = Field(
         default=4, ge=1, le=1000, description="so many waiting batches are still taken one by one; more are merged"
     )
+    most_merged: int = Field(default=4, ge=1, le=100, description="one update takes no more waiting batches than this")

@@ -24,7 +24,7 @@ def serve(shell: Shell, bus: Bus) -> None:
     config = shell.section(EventTrackerConfig)
     warm_up(config.profile, config.parameters, shell.cell.geometry)
     core = EventTrackerCore(
-        make_tracker(config.profile, config.parameters, shell.cell.geometry), patience=config.patience
+        make_tracker(config.profile, config.parameters, shell.cell.geometry), config.patience, config.most_merged
     )
 
     # Bus.

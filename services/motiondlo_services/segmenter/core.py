@@ -1,7 +1,8 @@
-"""Around the frame branch: one frame at a time, what is counted, and when a broken backend is left alone. No I/O, no clock.
+"""Around the frame branch: what is counted, and when a broken backend is left alone. No I/O, no clock.
 
 A frame without a DLO, or a bad picture, is an ordinary failure: the next frame is tried at once. A backend that raises
-(out of memory, lost accelerator) is tried again after a pause that doubles, so that it is not hammered while it recovers.
+(out of memory, lost accelerator) is tried again after a pause that doubles, so that it is not hammered while it
+recovers.
 """
 
 from __future__ import annotations

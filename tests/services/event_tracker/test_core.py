@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from motiondlo.events.types import EventBatch, empty_events
+from motiondlo.events.types import EVENT_DTYPE, EventBatch, empty_events
 from motiondlo.rejects import RejectReason
 from motiondlo.tracking.types import Correction, CorrectionKind, TrackUpdate
 from motiondlo_services.event_tracker.core import EventTrackerCore
@@ -43,17 +43,21 @@ def test_a_tracker_that_keeps_up_updates_once_a_batch() -> None:
     assert [core.take(n) for n in (0, 1, 2, 3)] == [0, 1, 1, 1]
 
 
-def test_BURST_is_taken_in_one_update_for_its_newest_time() -> None:
+def test_BURST_is_taken_in_few_updates_in_order() -> None:
     tracker = RecordingTracker()
-    core = EventTrackerCore(tracker, patience=3)
+    core = EventTrackerCore(tracker, patience=3, most=4)
     waiting = batches(8)
-    update = core.on_batches(waiting[: core.take(len(waiting))])
-    assert update.t_us == 8000
-    (batch,) = tracker.batches
-    assert len(batch.events) == 16
-    assert (np.diff(batch.events["t"]) > 0).all()
-    assert batch.lost_before == 1
-    assert core.counts["merged_batches"] == 7
+    updates = []
+    while waiting:
+        count = core.take(len(waiting))
+        updates.append(core.on_batches(waiting[:count]))
+        waiting = waiting[count:]
+    assert [update.t_us for update in updates] == [4000, 8000]
+    assert [len(batch.events) for batch in tracker.batches] == [8, 8]
+    assert all((np.diff(batch.events["t"]) > 0).all() for batch in tracker.batches)
+    assert all(batch.events.dtype == EVENT_DTYPE for batch in tracker.batches), "kernels are compiled for this layout"
+    assert [batch.lost_before for batch in tracker.batches] == [1, 0]
+    assert core.counts["merged_batches"] == 6
 
 
 def test_refused_corrections_are_counted_with_their_sender() -> None:
