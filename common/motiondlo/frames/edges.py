@@ -31,6 +31,7 @@ SEARCH_W = 0.45
 """How far from a skeleton the centre is looked for, widths."""
 _WIDE_SEARCH_W = 0.6
 """A search wider than this comes with a width that is little known."""
+_BLUR_REACH_PX = 8.0
 _STEP_COST = 0.15
 _PEAK_PX = 2.0
 """How far from its place by the common width an edge's peak is looked for."""
@@ -114,6 +115,10 @@ def common_width(
     """The width at which pairs of edges are strongest, all rows together."""
     saturated = _saturate(g)
     scores = [float(_pair_strength(saturated, offsets, width * f, search_w)[0].max(axis=1).sum()) for f in factors]
+    if search_w > _WIDE_SEARCH_W:
+        # Of a faint DLO the terminator between its bright and its dark flank is as strong an edge as the outer ones.
+        good = np.flatnonzero(np.array(scores) > 0.9 * max(scores))
+        return float(width * factors[good[-1]])
     return float(width * factors[int(np.argmax(scores))])
 
 
@@ -252,20 +257,24 @@ def _peak_near(g: FloatArray, offsets: FloatArray, where: FloatArray) -> tuple[F
 
 
 def _edge_blur(strip: Strip, centre: FloatArray, width: float) -> float:
-    """Median 10-90 % width of the edges, px: of the sharper side, in the channel that changes most."""
+    """Median 10-90 % width of the edges, px: of the sharper side, in the channel that changes most.
+
+    The full swing between the middle and well outside over the steepest slope: a smeared edge also looks narrow when
+    only its steepest part is looked at.
+    """
     step = strip.offsets[1] - strip.offsets[0]
-    reach = max(int(0.45 * width / step), 4)
+    inner, outer = int(0.1 * width / step), int((0.5 * width + _BLUR_REACH_PX) / step)
+    middle = np.round((centre - strip.offsets[0]) / step).astype(np.int64)
     widths = []
-    for sign in (-1.0, 1.0):
-        start = np.round((centre + sign * 0.5 * width - strip.offsets[0]) / step).astype(np.int64)
-        index = np.clip(start[:, None] + np.arange(-reach, reach + 1)[None], 0, strip.ratio.shape[1] - 1)
+    for sign in (-1, 1):
+        columns = middle[:, None] + sign * np.arange(inner, outer + 1)[None]
+        index = np.clip(columns, 0, strip.ratio.shape[1] - 1)
         profile = strip.ratio[np.arange(len(index))[:, None], index].astype(np.float64)
         swing = profile.max(axis=1) - profile.min(axis=1)
         slope = np.abs(np.diff(profile, axis=1)).max(axis=1) / step
         channel = int(np.argmax(np.median(swing, axis=0)))
         clear = swing[:, channel] > 0.08
         if clear.any():
-            # A straight ramp over its own slope; a blurred step is about 1.3 times as wide at its foot.
             widths.append(float(np.median(0.8 * swing[clear, channel] / np.maximum(slope[clear, channel], 1e-6))))
     return min(widths) if widths else 0.0
 

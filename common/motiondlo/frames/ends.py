@@ -133,7 +133,7 @@ def _tail(curve: FloatArray, length: float | None, span: float) -> FloatArray:
 
 
 def _edged_length(supported: list[npt.NDArray[np.bool_]], width: float) -> int:
-    """How many steps of a continuation both edges accompany: where a DLO looks like the board, they alone tell its end."""
+    """How many steps both edges go along: where a DLO looks like the board, they alone tell its end."""
     rows = np.concatenate(supported) if supported else np.zeros(0, np.bool_)
     window = max(int(0.5 * width), 4)
     if len(rows) < window:

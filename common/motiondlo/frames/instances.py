@@ -22,6 +22,10 @@ from motiondlo.geometry.homography import warp_points
 FloatArray = npt.NDArray[np.float64]
 
 _TANGENT_W = 1.5
+_SHARP_PX = 3.8
+"""Edges up to this width belong to a DLO at rest, whatever its shading."""
+_BLUR_SIGMA = 1.5
+"""Standard deviation of the centreline per px of further width: the two edges are not smeared alike."""
 
 
 @dataclass(frozen=True)
@@ -138,14 +142,15 @@ def _join_from(
     if small_gap and params.fit.refine:
         refined = refine_centreline(scene, centre, width, 1, params.fit.smooth_length_w)
         centre, sigma = refined.centre, refined.sigma
+    blur = max(m.edge_blur for m in members)
     return Dlo(
         centre,
-        sigma,
+        np.hypot(sigma, _BLUR_SIGMA * max(blur - _SHARP_PX, 0.0)),
         width,
         (kinds[start[0]][start[1]], last_kind),
         float((lengths * [m.edge_support for m in members]).sum() / lengths.sum()),
         float((lengths * [m.width_spread for m in members]).sum() / lengths.sum()),
-        max(m.edge_blur for m in members),
+        blur,
     )
 
 

@@ -17,7 +17,7 @@ class CheckParams(_Params):
     max_dark_share: float = Field(default=0.97, gt=0.0, le=1.0, description="more black pixels: the frame is black")
     max_bright_share: float = Field(default=0.7, gt=0.0, le=1.0, description="more saturated ones: over-exposed")
     max_blur_px: float = Field(
-        default=7.0, gt=0.5, le=100.0, description="10-90 % width of a DLO's edges above which it was moving, rgb px"
+        default=5.5, gt=0.5, le=100.0, description="10-90 % width of edges of a moving DLO, px at 1296 px width"
     )
 
 

@@ -88,18 +88,18 @@ def segment_frame(
     mask = refined_mask(masks, board, params)
     times.lap("clean")
     chains = mask_to_chains(mask, masks.obstacles, board, params, times)
-    segments = measure_chains(scene, chains, mask, params)
+    segments, smeared = measure_chains(scene, chains, mask, params)
     times.lap("refine")
     if params.faint.enabled and isinstance(backend, ClassicalBackend):
         segments += find_faint(scene, segments, masks.obstacles, params)
         times.lap("faint")
     dlos = assemble_dlos(scene, segments, params)
     times.lap("join")
-    sharp = [(score, dlo) for score, dlo in dlos if dlo.edge_blur <= params.check.max_blur_px * board.scale / 2.0]
+    sharp = [(score, dlo) for score, dlo in dlos if not is_smeared(dlo.edge_blur, scene, params)]
     instances = tuple(make_instance(scene, dlo, event_from_rgb, score, params) for score, dlo in sharp)
     times.lap("fit")
     if not instances:
-        return failed(FrameFailure.BLURRED if dlos else FrameFailure.NOTHING_FOUND)
+        return failed(FrameFailure.BLURRED if dlos or smeared else FrameFailure.NOTHING_FOUND)
     return Segmentation(t_us, frame_name, instances, backend=backend.name, elapsed_ms=times.total_ms)
 
 
@@ -125,10 +125,16 @@ def mask_to_chains(
     return chains
 
 
-def measure_chains(scene: Scene, chains: list[Chain], mask: Mask, params: FrameParams) -> list[Segment]:
-    """Measured pieces of DLOs; what cannot be one is left out."""
+def is_smeared(edge_blur_px: float, scene: Scene, params: FrameParams) -> bool:
+    """Whether edges are wider than motion (or focus) may make them; the bound grows with the image's resolution."""
+    return edge_blur_px > params.check.max_blur_px * scene.board.scale / 2.0
+
+
+def measure_chains(scene: Scene, chains: list[Chain], mask: Mask, params: FrameParams) -> tuple[list[Segment], bool]:
+    """Measured pieces of DLOs; what cannot be one is left out. The flag: some of that was smeared by motion."""
     least, most = params.foreground.min_width * scene.size[0], params.foreground.max_width * scene.size[0]
     segments: list[Segment] = []
+    smeared = False
     for chain in chains:
         width = chain.width * scene.board.scale
         # The mask's width is rough; the measured one counts.
@@ -139,7 +145,9 @@ def measure_chains(scene: Scene, chains: list[Chain], mask: Mask, params: FrameP
             continue
         if is_plausible(segment, mask, scene.board.scale, params.instance):
             segments.append(segment)
-    return without_overlaps(without_repeats(segments))
+        else:
+            smeared |= is_smeared(segment.edge_blur, scene, params)
+    return without_overlaps(without_repeats(segments)), smeared
 
 
 def find_faint(scene: Scene, found: list[Segment], obstacles: Mask | None, params: FrameParams) -> list[Segment]:
@@ -151,7 +159,7 @@ def find_faint(scene: Scene, found: list[Segment], obstacles: Mask | None, param
     chains = mask_to_chains(mask, obstacles, board, params, StageTimes())
     # Mask and shadow are one here, so the centre may be far from the skeleton.
     wide = params.fit.model_copy(update={"search_w": 0.75})
-    segments = measure_chains(scene, chains, mask, params.model_copy(update={"fit": wide}))
+    segments, _ = measure_chains(scene, chains, mask, params.model_copy(update={"fit": wide}))
     return [segment for segment in segments if is_body(scene, segment, params.faint)]
 
 
