@@ -159,7 +159,7 @@ class EndTracker:
         p = self.params
         speed = math.hypot(pose.velocity[0], pose.velocity[1])
         # The first look counts most: what holds the DLO starts from rest, where the pose is known best.
-        sure = trusted or (self.learned < 8 and self.stirred)
+        sure = trusted or (self.learned < 6 and self.stirred)
         if self.held and self.patch_events >= p.patch_events_min and sure and abs(self.shift_px) < 2.5:
             count, _ = self._collect(surface, t_us, pose, x)
             rate = max(p.patch_learn_rate if speed > 0.5 else 0.3 * p.patch_learn_rate, 1.0 / (self.learned + 1))

@@ -48,7 +48,7 @@ class InextensibleParams(BaseModel):
     sigma_age: float = Field(0.05, ge=0.0, le=2.0, description="offset error px per (mean age ms)^2")
     age_share: float = Field(1.0, ge=0.0, le=2.0, description="share of the mean age modelled in the measurement")
     student_nu: float = Field(4.0, ge=1.0, le=100.0, description="degrees of freedom of the robust weights")
-    robust_passes: int = Field(3, ge=1, le=10, description="reweighted solutions an update")
+    robust_passes: int = Field(2, ge=1, le=10, description="reweighted solutions an update")
     learn_rate: float = Field(
         0.06, ge=0.0, le=0.5, description="profile learning; every station takes its turn each fourth update"
     )
@@ -90,7 +90,7 @@ class InextensibleParams(BaseModel):
     patch_reach_px: int = Field(6, ge=2, le=20, description="search for a patch to either side")
     patch_sigma_px: float = Field(1.0, ge=0.1, le=10.0, description="standard deviation of a patch's place")
     patch_angle_sigma_rad: float = Field(0.04, ge=0.001, le=1.0, description="standard deviation of a patch's angle")
-    patch_learn_rate: float = Field(0.03, ge=0.0, le=0.5, description="learning of a patch an update")
+    patch_learn_rate: float = Field(0.06, ge=0.0, le=0.5, description="learning of a patch every other update")
     height_ratio: float = Field(
         0.055, ge=0.0, le=0.5, description="what stands higher moves this much more in the image"
     )
@@ -102,7 +102,7 @@ class InextensibleParams(BaseModel):
     end_found_sigma_px: float = Field(8.0, ge=0.5, le=40.0, description="standard deviation of a tip just found")
     tip_events_min: int = Field(40, ge=5, le=2000, description="fewest events of a tip that are matched")
     tip_events_target: int = Field(120, ge=10, le=5000, description="events of a tip that end its window")
-    tip_learn_rate: float = Field(0.02, ge=0.0, le=0.5, description="learning of a tip's profile an update")
+    tip_learn_rate: float = Field(0.04, ge=0.0, le=0.5, description="learning of a tip's profile every other update")
 
     # late corrections
     correction_fade_ms: float = Field(10.0, ge=0.1, le=10000.0, description="measured this long, an old error is gone")

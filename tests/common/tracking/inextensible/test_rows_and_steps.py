@@ -26,8 +26,8 @@ def rows_for(vn, matched, alive=None, count=None, offset_px=0.4):
     h, z, w, robust = np.full((30, 2 * N + 5), np.nan), np.zeros(30), np.zeros(30), np.zeros(30, np.uint8)
     good, covered, nis = np.zeros(M, np.uint8), np.zeros(M, np.uint8), np.zeros(M)
     rows, seen, could = station_rows(
-        N, 1.0, np.ones((M, N)), np.zeros(M), np.asarray(vn, float), np.full(M, 0.5), matched * offset_px, matched * 0.3,
-        matched * 1.0, count, matched * 2.0, np.full(M, 2.0), np.ones(M, np.uint8), alive, 0.6, 0.05, 1.0, 0.4, 8, 0.3,
+        N, 1.0, np.ones((M, N)), np.zeros(M), np.asarray(vn, float), np.full(M, 0.5), matched * offset_px,
+        matched * 0.3, matched * 1.0, count, matched * 2.0, np.full(M, 2.0), np.ones(M, np.uint8), alive, 0.6, 0.05, 1.0, 0.4, 8, 0.3,
         0.5, h, z, w, robust, good, covered, nis,
     )  # fmt: skip
     return rows, seen, could, h, z, w, good
