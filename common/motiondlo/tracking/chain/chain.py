@@ -23,6 +23,7 @@ _LINES = 3
 _LINE_PX = 3.0
 _RIM_PX = 4.0
 _RESTING_PX_MS = 0.3
+_LONGEST_STEP_MS = 5.0
 _SLEEP_MS = 40.0
 _WATCH_US = 4000
 _SHADOW_PX = 24.0
@@ -48,6 +49,11 @@ class Chain:
         self.motion = 0.0
         self.still_ms = 1000.0
         self.texture_used = 0
+        self.failures = 0
+        self._updates = 0
+        self._seen_share = 0.7
+        self._x_before = self.x.copy()
+        self._P_before = self.P.copy()
         self.asleep = False
         self.foreign = np.zeros(self.S, np.bool_)
         self._foreign_count = 0
@@ -284,13 +290,10 @@ class Chain:
         self._state = None
         p, K, x, P = self.params, self.K, self.x, self.P
         g = self.g
+        np.copyto(self._x_before, x)
+        np.copyto(self._P_before, P)
         speed = float(np.hypot(g[:, 4], g[:, 5]).max())
-        scale = max(p.accel_noise_rest, min(speed / 5.0, 1.5)) * self.boost
-        filter_kernels.predict(
-            x, P, K, dt_ms, float(np.exp(-dt_ms / p.velocity_decay_ms)), self.kernel, p.accel_noise * scale
-        )
-        self._relax_scale(dt_ms)
-        filter_kernels.limit_velocity_variance(P, K, 9.0)
+        self._predict(dt_ms, speed)
         filter_kernels.place(x, K, self.j0, self.w, self.w1, self.w2, g)
         filter_kernels.place_covariance(P, K, self.j0, self.w, self.cov_p, False)
         filter_kernels.place_covariance(P, K, self.j0, self.w, self.cov_v, True)
@@ -365,6 +368,8 @@ class Chain:
         filter_kernels.place(x, K, self.j0, self.w, self.w1, self.w2, g)
         self._vn_past[:-1] = self._vn_past[1:]
         self._vn_past[-1] = g[:, 6]
+        self._judge(dt_ms)
+        self._keep_sound()
 
     def _measure_texture(self, texture: Texture, last: npt.NDArray[np.int64], t_us: int, dt_ms: float) -> None:
         p, scratch = self.params, self._scratch
@@ -402,6 +407,59 @@ class Chain:
         else:
             self.u_first = u
         self._place_output()
+
+    def _predict(self, dt_ms: float, speed: float) -> None:
+        """Motion model; a gap in the batches is bridged in short steps, until all velocities have died away."""
+        p = self.params
+        q = p.accel_noise * max(p.accel_noise_rest, min(speed / 5.0, 1.5)) * self.boost
+        left = min(dt_ms, 3.0 * p.velocity_decay_ms)
+        while left > 1e-9:
+            step = min(left, _LONGEST_STEP_MS)
+            decay = float(np.exp(-step / p.velocity_decay_ms))
+            filter_kernels.predict(self.x, self.P, self.K, step, decay, self.kernel, q)
+            filter_kernels.limit_velocity_variance(self.P, self.K, 9.0)
+            left -= step
+        self._relax_scale(dt_ms)
+
+    def _keep_sound(self) -> None:
+        """Numbers that fail (a covariance that is none any more) do not end the track: the last good state stays."""
+        K, P = self.K, self.P
+        self._updates += 1
+        if self._updates % 64 == 0:
+            np.add(P, P.T, out=self._P_before)
+            np.multiply(self._P_before, 0.5, out=P)
+        diagonal = np.diagonal(P)
+        if np.isfinite(self.x).all() and np.isfinite(diagonal).all() and float(diagonal.min()) >= 0.0:
+            return
+        self.failures += 1
+        np.copyto(self.x, self._x_before)
+        np.copyto(P, self._P_before)
+        self.x[2 * K : 4 * K] = 0.0
+        P[np.arange(2 * K), np.arange(2 * K)] += 4.0
+        self.boost = 1.0
+        filter_kernels.place(self.x, K, self.j0, self.w, self.w1, self.w2, self.g)
+
+    def _judge(self, dt_ms: float) -> None:
+        """Confidence: how much of what should be seen is seen, how sure the place along the DLO is, how surprised."""
+        out, g = self.out, self.g
+        expected = self.inside & self.exists & (self.support > 0.0)
+        expected &= (out[:, 3] >= self.params.min_events) | (np.abs(g[:, 6]) > 0.7)
+        a = 1.0 - float(np.exp(-dt_ms / 8.0))
+        if expected.sum() >= 3:
+            self._seen_share += a * (float((self.use & expected).sum()) / float(expected.sum()) - self._seen_share)
+        elif self.still_ms == 0.0:
+            self._seen_share += 0.3 * a * (0.0 - self._seen_share)
+        along = _tangential_part(self.cov_p, g)[self.inside & self.exists]
+        sigma_t = float(np.sqrt(max(float(np.median(along)), 0.0))) if len(along) else 50.0
+        unmatched = max(end.unmatched_ms for end in self.ends)
+        in_view = float((self.inside & self.exists).sum()) / max(float(self.exists.sum()), 1.0)
+        self.confidence = float(
+            np.clip(self._seen_share / 0.7, 0.0, 1.0)
+            / (1.0 + (sigma_t / 30.0) ** 2)
+            / (1.0 + unmatched / 10.0)
+            / (1.0 + 0.05 * (self.boost - 1.0))
+            * min(1.0, float(np.sqrt(in_view / 0.25)))
+        )
 
     def _relax_scale(self, dt_ms: float) -> None:
         """The common scale wanders about zero: perspective and height change it by about a percent, never by more."""
@@ -489,3 +547,9 @@ def _normal_part(cov: FloatArray, g: FloatArray) -> FloatArray:
     """(S,) variance along the left normal from (S, 3) covariances."""
     tx, ty = g[:, 2], g[:, 3]
     return np.asarray(ty * ty * cov[:, 0] - 2.0 * tx * ty * cov[:, 1] + tx * tx * cov[:, 2], dtype=np.float64)
+
+
+def _tangential_part(cov: FloatArray, g: FloatArray) -> FloatArray:
+    """(S,) variance along the tangent from (S, 3) covariances."""
+    tx, ty = g[:, 2], g[:, 3]
+    return np.asarray(tx * tx * cov[:, 0] + 2.0 * tx * ty * cov[:, 1] + ty * ty * cov[:, 2], dtype=np.float64)

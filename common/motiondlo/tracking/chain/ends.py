@@ -26,6 +26,11 @@ _PAD = 24
 _DIRECTIONS = 16
 _STEP_HALF = 30
 _HIDDEN_TRAVEL_PX = 60.0
+_QUIET_MS = 5.0
+_DOUBT_MS = 4.0
+"""Without a match for so long a patch is looked for widely again."""
+_REST_MS = 20.0
+"""Rest that counts as one more look at where it is."""
 _SURE_MATCHES = 5
 
 
@@ -78,12 +83,15 @@ class End:
         self.acquired = 0
         """Matches absorbed so far."""
         self.measured = False
+        self.unmatched_ms = 0.0
+        """How long the patch has made events that fit it nowhere."""
         self.events = 0
         self.step_px: float | None = None
         """For a tip without a patch: where its events end, relative to ``u``."""
         self._votes: list[tuple[float, FloatArray]] = []
         self._resting_at: tuple[FloatArray, FloatArray] | None = None
         """Place and tangent at which a silent patch came to rest."""
+        self._resting_variance = 1.0
         if look is not None:
             if kind is EndKind.HELD:
                 self.patch = end_patch(look, which, length_px, 6.0, 78.0, 46.0)
@@ -179,13 +187,24 @@ class End:
         )  # fmt: skip
         self.events = n
         if held and n < params.quiet_events and speed < 3.0:
-            self._rest(v, x, P, K, dt_ms, Ph)
+            if window < _QUIET_MS:
+                # Few events in a short window may be slow motion.
+                n = patch_kernels.collect(
+                    last, t_us, _QUIET_MS, params.latency_us * 1e-3, origin, v.outward, v.normal, 0.0 * moves, 0.0,
+                    self._box, scratch.a, scratch.d, scratch.p, scratch.age,
+                )  # fmt: skip
+            if n < params.quiet_events:
+                self._rest(v, x, P, K, dt_ms, Ph)
             return
-        self._resting_at = None
+        if self._resting_at is not None:
+            # Where it starts from may be wrong by what was not seen when it came to rest: look widely again.
+            self._resting_at = None
+            self.acquired = 0
         if n < (100 if held else 40):
             return
+        self.unmatched_ms += dt_ms
         n = patch_kernels.newest(scratch.a, scratch.d, scratch.p, scratch.age, n, window, 800 if held else 300, 1.0)
-        sure = self.sure
+        sure = self.sure and self.unmatched_ms < _DOUBT_MS
         reach = (8 if sure else 22) if held else (8 if sure else 14)
         if sure and speed > 0.5:
             direction = np.array([moves @ v.outward, moves @ v.normal])
@@ -201,7 +220,7 @@ class End:
             reach, reach if held else 3, scratch.score, scratch.out,
         )  # fmt: skip
         out = scratch.out
-        if out[4] < 0.08 or out[5] < (4.0 if sure else 8.0):
+        if out[4] < (0.08 if sure else 0.2) or out[5] < (4.0 if sure else 8.0):
             return
         mean_age = float(scratch.age[:n].mean())
         reuse = max(1.0, 2.0 * mean_age / dt_ms)
@@ -228,7 +247,9 @@ class End:
                 continue
             filter_kernels.update(x, P, index, h, rows, z, R * (1.0 + 0.25 * nis), Ph)
             self.measured = True
-        self.acquired += int(self.measured)
+        if self.measured:
+            self.acquired += 1
+            self.unmatched_ms = 0.0
 
     def _rest(self, v: EndView, x: FloatArray, P: FloatArray, K: int, dt_ms: float, Ph: FloatArray) -> None:
         index = np.empty(8, np.int64)
@@ -238,18 +259,25 @@ class End:
             h[:4], h[4:] = v.w * axis[0], v.w * axis[1]
             filter_kernels.update(x, P, index, h, 8, -float(v.velocity @ axis), 0.15**2 / dt_ms, Ph)
         if self._resting_at is None:
+            index[:4], index[4:] = v.nodes, K + v.nodes
+            h[:4], h[4:] = v.w, 0.0
+            variance = filter_kernels.row_variance(P, index, h, 8)
+            h[:4], h[4:] = 0.0, v.w
+            variance = max(variance, filter_kernels.row_variance(P, index, h, 8), 1.0)
             self._resting_at = (v.point.copy(), v.outward.copy())
+            self._resting_variance = variance
             return
-        # What rests stays where it came to rest, and keeps its direction.
+        # What rests stays where it came to rest, and keeps its direction; that makes neither better known.
         place, outward = self._resting_at
         index[:4], index[4:] = v.nodes, K + v.nodes
         for axis in (v.outward, v.normal):
             h[:4], h[4:] = v.w * axis[0], v.w * axis[1]
             here = np.array([v.w @ x[v.nodes], v.w @ x[K + v.nodes]])
-            filter_kernels.update(x, P, index, h, 8, float((place - here) @ axis), 1.5**2 / dt_ms, Ph)
+            R = self._resting_variance * _REST_MS / dt_ms
+            filter_kernels.update(x, P, index, h, 8, float((place - here) @ axis), R, Ph)
         turn = float(v.outward[0] * outward[1] - v.outward[1] * outward[0])
         h[:4], h[4:] = v.w1 * v.normal[0] / v.stretch, v.w1 * v.normal[1] / v.stretch
-        filter_kernels.update(x, P, index, h, 8, turn, 0.05**2 / dt_ms, Ph)
+        filter_kernels.update(x, P, index, h, 8, turn, 0.05**2 * _REST_MS / dt_ms, Ph)
 
     def _step(
         self, v: EndView, last: npt.NDArray[np.int64], t_us: int, params: ChainParams, scratch: PatchScratch

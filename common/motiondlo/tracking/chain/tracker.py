@@ -20,7 +20,9 @@ from motiondlo.tracking.types import Correction, CorrectionKind, TrackUpdate
 class ChainTracker:
     """Implements :class:`motiondlo.tracking.types.EventTracker`."""
 
-    def __init__(self, params: ChainParams, geometry: SensorGeometry) -> None:
+    def __init__(self, params: ChainParams, geometry: SensorGeometry, timed: bool = False) -> None:
+        """timed: updates tell the host's time per stage."""
+        self._timed = timed
         self.params = params
         self.geometry = geometry
         self._surface = TimeSurface(geometry)
@@ -40,14 +42,18 @@ class ChainTracker:
 
     def correct(self, correction: Correction) -> RejectReason | None:
         """Take a correction (kept until ``not_before_us`` if that lies ahead); a reason if it is refused."""
-        return self._gate.admit(correction, self._now_us)
+        reason = self._gate.admit(correction, self._now_us)
+        if reason is None and self._now_us >= 0 and correction.not_before_us <= self._now_us:
+            # Due at once: judged at once, so that the sender learns whether it is plausible.
+            reason = self._apply_due(self._now_us)
+        return reason
 
     def update(self, batch: EventBatch) -> TrackUpdate:
         """Advance to ``batch.t1_us``. A gap before the batch is bridged by prediction."""
         start = perf_counter_ns()
         before_us = self._now_us if self._now_us >= 0 else batch.t0_us
         dt_ms = max((batch.t1_us - before_us) * 1e-3, 1e-3)
-        self._apply_due(batch.t1_us, before_us)
+        self._apply_due(batch.t1_us)
         e = batch.events
         if len(e):
             self._surface.update(e)
@@ -64,14 +70,17 @@ class ChainTracker:
             if not chain.asleep:
                 self._gate.history(chain.id).record(batch.t1_us, PastShape.of(chain))
             tracks.append(chain.state())
-        done = perf_counter_ns()
+        stages: dict[str, int] = {}
+        if self._timed:
+            done = perf_counter_ns()
+            stages = {"surface": stored - start, "filter": stepped - stored, "report": done - stepped}
         return TrackUpdate(
             t_us=batch.t1_us,
             t_events_us=self._newest_us,
             tracks=tuple(tracks),
             events=len(e),
             active_ratio=self._active_ratio(),
-            stages_ns={"surface": stored - start, "filter": stepped - stored, "report": done - stepped},
+            stages_ns=stages,
             rejects=self._gate.rejects.as_dict(),
         )
 
@@ -90,7 +99,9 @@ class ChainTracker:
         area = sum(chain.active_px for chain in self._chains.values())
         return float(area / (self.geometry.width_px * self.geometry.height_px))
 
-    def _apply_due(self, now_us: int, state_us: int) -> None:
+    def _apply_due(self, now_us: int) -> RejectReason | None:
+        """Apply what is due, between two updates; the reason of the last one that was refused."""
+        refused: RejectReason | None = None
         for correction in self._gate.due(now_us):
             if not self._gate.still_valid(correction, now_us):
                 continue
@@ -115,7 +126,9 @@ class ChainTracker:
                 change = absorb(chain, past, correction) if past is not None else None
                 if change is None:
                     self._gate.rejects.count(RejectReason.IMPLAUSIBLE)
+                    refused = RejectReason.IMPLAUSIBLE
                     continue
                 history.revise(correction.t_us, change)
                 chain.t_corrected_us = correction.t_us
                 self._gate.absorbed(correction)
+        return refused
