@@ -39,8 +39,8 @@ class StateHistory(Generic[State]):
     def record(self, t_us: int, state: State) -> None:
         """Add the state that holds from ``t_us`` on; a state at the newest time replaces it.
 
-        Entries that lie after ``t_us`` are forgotten: they are a first frame's, whose shape started the track before the
-        first events were in, or of a time line that has ended (the camera's clock was set back).
+        Entries that lie after ``t_us`` are forgotten: they are a first frame's, whose shape started the track before
+        the first events were in, or of a time line that has ended (the camera's clock was set back).
         """
         while self._times_us and t_us < self._times_us[-1]:
             self._times_us.pop()
