@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import solveh_banded
@@ -16,7 +17,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from motiondlo.frames.colour import Float32Array
 from motiondlo.frames.edge_kernels import best_path
-from motiondlo.frames.strip import CODE_OFFSET, Scene, Strip, sample_strip
+from motiondlo.frames.strip import Scene, Strip, sample_strip
 from motiondlo.geometry.curve import arc_length, left_normals, resample, tangents
 
 FloatArray = npt.NDArray[np.float64]
@@ -95,25 +96,29 @@ def edge_strength(strip: Strip) -> FloatArray:
     The weaker of two gradients: that of the image, which the board's own texture beside the DLO has too, and that of
     image over board, in which the board's texture shows up where the DLO covers it. An edge of the DLO is in both.
     """
-    g = _gradient(strip.ratio)
-    board = np.median((strip.image + CODE_OFFSET) / np.maximum(strip.ratio, 1e-3), axis=(0, 1))
-    g = np.minimum(g, _gradient(np.asarray(strip.image / board, dtype=np.float32)))
+    board = np.median(strip.image[::4, ::4] / np.maximum(strip.ratio[::4, ::4], 1e-3), axis=(0, 1))
+    scaled = strip.image * (np.float32(1.0) / np.maximum(board, 1.0).astype(np.float32))
+    g = np.minimum(_gradient(strip.ratio), _gradient(scaled)).astype(np.float64)
     g[~strip.known] = 0.0
-    return g
+    return np.asarray(g, dtype=np.float64)
 
 
-def _gradient(values: Float32Array) -> FloatArray:
-    smooth = gaussian_filter1d(values, 1.6, axis=1, mode="nearest")
-    smooth = gaussian_filter1d(smooth, 1.2, axis=0, mode="nearest")
-    gradient = np.gradient(smooth, COLUMN_PX, axis=1)
-    return np.asarray(np.sqrt((gradient**2).sum(axis=2)), dtype=np.float64)
+def _gradient(values: Float32Array) -> Float32Array:
+    """Norm over the channels of the smoothed derivative across the curve, per column. (K, V, 3) -> (K, V) float32."""
+    smooth = cv2.GaussianBlur(values, (0, 0), sigmaX=1.6, sigmaY=1.2, borderType=cv2.BORDER_REPLICATE)
+    slope = np.zeros_like(smooth)
+    np.subtract(smooth[:, 2:], smooth[:, :-2], out=slope[:, 1:-1])
+    np.multiply(slope, slope, out=slope)
+    squared = slope[..., 0] + slope[..., 1] + slope[..., 2]
+    return np.asarray(np.float32(0.5) * np.sqrt(squared), dtype=np.float32)
 
 
 def common_width(
     g: FloatArray, offsets: FloatArray, width: float, factors: FloatArray, search_w: float = SEARCH_W
 ) -> float:
     """The width at which pairs of edges are strongest, all rows together."""
-    saturated = _saturate(g)
+    # Every third row: neighbours say the same.
+    saturated = _saturate(g[::3])
     scores = [float(_pair_strength(saturated, offsets, width * f, search_w)[0].max(axis=1).sum()) for f in factors]
     if search_w > _WIDE_SEARCH_W:
         # Of a faint DLO the terminator between its bright and its dark flank is as strong an edge as the outer ones.

@@ -89,6 +89,7 @@ def follow_end(scene: Scene, centre: FloatArray, side: int, palette: Palette, re
     tail = _tail(curve, length, 3.5 * width)
     # Some rows of the DLO itself come first: the distance must start low for a change to be seen.
     places = point_at(curve, np.asarray(length - np.arange(lead, -1, -1) * _STEP_PX, dtype=np.float64))
+    unlike = _unlike(scene, places, side, palette)
     size = np.array(scene.size, dtype=np.float64) - 1.0
     step = max(int(0.55 * width), 6)
     leaves = False
@@ -101,14 +102,15 @@ def follow_end(scene: Scene, centre: FloatArray, side: int, palette: Palette, re
         leaves = not bool(inside[:step].all())
         if not inside.all():
             ahead = ahead[: int(np.argmin(inside))]
-        if len(ahead) == 0:
+        if len(ahead) < 2:
             break
-        unlike = _unlike(scene, np.concatenate([places, ahead]), side, palette)
-        stop = _first_change(unlike, palette.noise)
+        fresh = _unlike(scene, ahead, side, palette)
+        stop = _first_change(np.concatenate([unlike, fresh]), palette.noise)
         if stop is not None:
             places = np.concatenate([places, ahead])
             break
         places = np.concatenate([places, ahead[:step]])
+        unlike = np.concatenate([unlike, fresh[:step]])
         supported.append(edged[: len(ahead[:step])])
         tail = _tail(np.concatenate([tail, ahead[:step]]), None, 3.5 * width)
     grown = places[lead + 1 :]
@@ -175,7 +177,7 @@ def _unlike(scene: Scene, places: FloatArray, side: int, palette: Palette) -> Fl
     if side == 0:
         # Walked backwards, left and right are swapped.
         rows = rows.reshape(len(rows), -1, 3)[:, ::-1].reshape(len(rows), -1)
-    return np.asarray(gaussian_filter1d(_nearest(rows, palette.rows), 0.7, mode="nearest"), dtype=np.float64)
+    return _nearest(rows, palette.rows)
 
 
 def continue_curve(curve: FloatArray, width: float, reach_px: float) -> FloatArray:
@@ -200,6 +202,7 @@ def continue_curve(curve: FloatArray, width: float, reach_px: float) -> FloatArr
 
 def _first_change(unlike: FloatArray, noise: float) -> float | None:
     """Sub-sample place at which the look leaves the DLO's for good, None if it does not."""
+    unlike = gaussian_filter1d(unlike, 0.7, mode="nearest")
     beyond = unlike > max(3.0 * noise, _LEAST_CHANGE)
     count = np.convolve(beyond.astype(np.int64), np.ones(_PERSIST_PX, np.int64), mode="valid")
     if not (count == _PERSIST_PX).any():

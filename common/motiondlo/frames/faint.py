@@ -14,6 +14,7 @@ import numpy.typing as npt
 from motiondlo.frames.board import BoardModel
 from motiondlo.frames.classical import cut_wide, remove_thin
 from motiondlo.frames.colour import board_distance
+from motiondlo.frames.edges import RefinedCurve
 from motiondlo.frames.mask_cleaning import close
 from motiondlo.frames.masks import Mask
 from motiondlo.frames.params import FaintParams, ForegroundParams
@@ -50,15 +51,15 @@ def taken_mask(shape: tuple[int, int], scale: float, segments: list[Segment], ob
     return taken
 
 
-def is_body(scene: Scene, segment: Segment, params: FaintParams) -> bool:
+def is_body(scene: Scene, curve: RefinedCurve, params: FaintParams) -> bool:
     """Whether a faint piece is a DLO and no shadow or stain: sharp edges all along, and shaded to one side."""
-    if segment.edge_support < params.min_edge_support:
+    if curve.edge_support < params.min_edge_support:
         return False
-    if segment.width_spread > params.max_width_spread * segment.width:
+    if curve.width_spread > params.max_width_spread * curve.width:
         return False
-    if segment.edge_blur > params.max_edge_blur_px:
+    if curve.edge_blur > params.max_edge_blur_px:
         return False
-    return shading(scene, segment.centre, segment.width) >= params.min_shading
+    return shading(scene, curve.centre, curve.width) >= params.min_shading
 
 
 def shading(scene: Scene, centre: FloatArray, width: float) -> float:

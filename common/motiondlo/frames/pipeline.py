@@ -18,7 +18,7 @@ from motiondlo.frames.instances import Dlo, classify_ends, join_segments, make_i
 from motiondlo.frames.mask_cleaning import adaptive_closing, clean_mask, remove_small
 from motiondlo.frames.masks import Mask, MaskSet, fit_mask, union
 from motiondlo.frames.params import FrameParams
-from motiondlo.frames.segments import Segment, is_plausible, measure_segment, without_overlaps, without_repeats
+from motiondlo.frames.segments import Screen, Segment, is_plausible, measure_segment, without_overlaps, without_repeats
 from motiondlo.frames.skeleton_graph import build_graph, distance_inside, prune_spurs, skeletonise
 from motiondlo.frames.strip import Scene
 from motiondlo.frames.traversal import Chain, traverse
@@ -130,7 +130,9 @@ def is_smeared(edge_blur_px: float, scene: Scene, params: FrameParams) -> bool:
     return edge_blur_px > params.check.max_blur_px * scene.board.scale / 2.0
 
 
-def measure_chains(scene: Scene, chains: list[Chain], mask: Mask, params: FrameParams) -> tuple[list[Segment], bool]:
+def measure_chains(
+    scene: Scene, chains: list[Chain], mask: Mask, params: FrameParams, screen: Screen | None = None
+) -> tuple[list[Segment], bool]:
     """Measured pieces of DLOs; what cannot be one is left out. The flag: some of that was smeared by motion."""
     least, most = params.foreground.min_width * scene.size[0], params.foreground.max_width * scene.size[0]
     segments: list[Segment] = []
@@ -140,7 +142,7 @@ def measure_chains(scene: Scene, chains: list[Chain], mask: Mask, params: FrameP
         # The mask's width is rough; the measured one counts.
         if not 0.8 * least <= width <= 1.2 * most or chain.length < 2.5 * chain.width:
             continue
-        segment = measure_segment(scene, chain, params.fit)
+        segment = measure_segment(scene, chain, params.fit, screen)
         if segment is None or not least <= segment.width <= most:
             continue
         if is_plausible(segment, mask, scene.board.scale, params.instance):
@@ -159,8 +161,8 @@ def find_faint(scene: Scene, found: list[Segment], obstacles: Mask | None, param
     chains = mask_to_chains(mask, obstacles, board, params, StageTimes())
     # Mask and shadow are one here, so the centre may be far from the skeleton.
     wide = params.fit.model_copy(update={"search_w": 0.75})
-    segments, _ = measure_chains(scene, chains, mask, params.model_copy(update={"fit": wide}))
-    return [segment for segment in segments if is_body(scene, segment, params.faint)]
+    measuring = params.model_copy(update={"fit": wide})
+    return measure_chains(scene, chains, mask, measuring, lambda s, curve: is_body(s, curve, params.faint))[0]
 
 
 def assemble_dlos(scene: Scene, segments: list[Segment], params: FrameParams) -> list[tuple[float, Dlo]]:

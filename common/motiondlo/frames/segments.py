@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import permutations
 
 import numpy as np
 import numpy.typing as npt
@@ -55,8 +57,12 @@ def image_from_working(path: FloatArray, scale: float) -> FloatArray:
     return np.asarray((path + 0.5) * scale - 0.5, dtype=np.float64)
 
 
-def measure_segment(scene: Scene, chain: Chain, params: FitParams) -> Segment | None:
-    """Trim, smooth and refine a chain, then follow its ends. None when nothing of it is left."""
+Screen = Callable[[Scene, RefinedCurve], bool]
+"""Whether a refined centreline is worth following to its ends."""
+
+
+def measure_segment(scene: Scene, chain: Chain, params: FitParams, screen: Screen | None = None) -> Segment | None:
+    """Trim, smooth and refine a chain, then follow its ends. None when nothing is left, or ``screen`` refuses it."""
     scale = scene.board.scale
     path = image_from_working(trim_ends(chain), scale)
     width = chain.width * scale
@@ -68,6 +74,8 @@ def measure_segment(scene: Scene, chain: Chain, params: FitParams) -> Segment | 
         if params.refine
         else _unrefined(smooth, width)
     )
+    if screen is not None and not screen(scene, refined):
+        return None
     return follow_both_ends(scene, refined, params)
 
 
@@ -133,8 +141,7 @@ def without_repeats(segments: list[Segment]) -> list[Segment]:
     for segment in sorted(segments, key=lambda item: -item.length):
         repeated = False
         for other in kept:
-            distance, place = project(segment.centre, other.centre)
-            near = distance < 0.35 * min(segment.width, other.width)
+            near, place = _along(segment, other)
             # Across a crossing only a few points are near, and they are near one place.
             if float(near.mean()) > _REPEATED_SHARE and np.ptp(place[near]) > 0.5 * near.mean() * segment.length:
                 repeated = True
@@ -150,28 +157,39 @@ def without_overlaps(segments: list[Segment]) -> list[Segment]:
     A mask with a gap gives two pieces of one DLO; both ends are followed through the gap, and pass each other.
     """
     result = list(segments)
-    for i in range(len(result)):
-        for j in range(len(result)):
-            if i == j:
-                continue
-            segment, other = result[i], result[j]
-            distance, place = project(segment.centre, other.centre)
-            near = distance < 0.4 * min(segment.width, other.width)
-            for side in (0, 1):
-                order = near if side == 0 else near[::-1]
-                count = int(np.argmin(order)) if not order.all() else 0
-                if count < 2:
-                    continue
-                run = place[:count] if side == 0 else place[len(place) - count :]
-                # In line: the run covers as much of the other as of this one, up to the other's end.
-                at_end = min(float(run.min()), other.length - float(run.max())) < 0.5 * other.width
-                own = float(arc_length(segment.centre[:count] if side == 0 else segment.centre[-count:])[-1])
-                if at_end and np.ptp(run) > 0.7 * own:
-                    keep = slice(count, None) if side == 0 else slice(None, len(segment.centre) - count)
-                    if len(segment.centre[keep]) >= 8:
-                        result[i] = replace(segment, centre=segment.centre[keep], sigma=segment.sigma[keep])
-                        break
+    for i, j in permutations(range(len(result)), 2):
+        near, place = _along(result[i], result[j])
+        for side in (0, 1):
+            cut = _overlap(near, place, side, result[i], result[j])
+            if cut > 0.0:
+                centre, sigma = _cut(result[i].centre, result[i].sigma, side, cut)
+                result[i] = replace(result[i], centre=centre, sigma=sigma)
+                break
     return result
+
+
+def _along(segment: Segment, other: Segment) -> tuple[npt.NDArray[np.bool_], FloatArray]:
+    """Which points of a piece, every few px, lie on another one, and at what arc length of it."""
+    distance, place = project(_coarse(segment), _coarse(other))
+    return np.asarray(distance < 0.38 * min(segment.width, other.width), dtype=np.bool_), place
+
+
+def _coarse(segment: Segment) -> FloatArray:
+    """The centreline in steps of about a third of the width: enough to tell what lies on what."""
+    return resample(segment.centre, max(int(3.0 * segment.length / segment.width), 8))
+
+
+def _overlap(near: npt.NDArray[np.bool_], place: FloatArray, side: int, segment: Segment, other: Segment) -> float:
+    """Length, px, of an end of a piece that runs over the end of another in line with it; 0 if it does not."""
+    order = near if side == 0 else near[::-1]
+    count = int(np.argmin(order)) if not order.all() else 0
+    if count < 2:
+        return 0.0
+    run = place[:count] if side == 0 else place[len(place) - count :]
+    own = (count - 1) * segment.length / (len(near) - 1)
+    at_end = min(float(run.min()), other.length - float(run.max())) < 0.5 * other.width
+    # In line: the run covers as much of the other as of this one.
+    return own if at_end and float(np.ptp(run)) > 0.7 * own else 0.0
 
 
 def sharpest_turn(centre: FloatArray, span_px: float) -> float:

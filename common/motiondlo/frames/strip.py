@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -25,6 +26,16 @@ class Scene:
     image_bgr: Image
     background: Image | None
     board: BoardModel
+
+    @cached_property
+    def image_float(self) -> Float32Array:
+        """(H, W, 3) float32: strips overlap, so converting once is cheaper than per strip."""
+        return self.image_bgr.astype(np.float32)
+
+    @cached_property
+    def background_float(self) -> Float32Array | None:
+        """(H, W, 3) float32, or None without a plate."""
+        return None if self.background is None else self.background.astype(np.float32)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -58,9 +69,9 @@ def sample_strip(scene: Scene, centre: FloatArray, half_width_px: float, step_px
     width, height = scene.size
     map_x, map_y = places[..., 0].astype(np.float32), places[..., 1].astype(np.float32)
     known = (map_x >= 0) & (map_y >= 0) & (map_x <= width - 1) & (map_y <= height - 1)
-    image = _remap(scene.image_bgr, map_x, map_y)
-    if scene.background is not None:
-        board = _remap(scene.background, map_x, map_y)
+    image = _remap(scene.image_float, map_x, map_y)
+    if scene.background_float is not None:
+        board = _remap(scene.background_float, map_x, map_y)
         gain = scene.board.gain_log
         if gain.shape[0] == 1:
             gain_at = np.broadcast_to(gain, board.shape)
@@ -76,15 +87,8 @@ def sample_strip(scene: Scene, centre: FloatArray, half_width_px: float, step_px
     return Strip(image, np.asarray(ratio, dtype=np.float32), known, offsets)
 
 
-def _remap(image: Image, map_x: Float32Array, map_y: Float32Array) -> Float32Array:
-    """Bilinear samples as float32; only the part of the image that is reached is converted."""
-    height, width = image.shape[:2]
-    x0 = int(np.clip(np.floor(map_x.min()) - 1, 0, width - 1))
-    y0 = int(np.clip(np.floor(map_y.min()) - 1, 0, height - 1))
-    x1 = int(np.clip(np.ceil(map_x.max()) + 2, x0 + 1, width))
-    y1 = int(np.clip(np.ceil(map_y.max()) + 2, y0 + 1, height))
-    part = image[y0:y1, x0:x1].astype(np.float32)
-    sampled = cv2.remap(part, map_x - x0, map_y - y0, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+def _remap(image: Float32Array, map_x: Float32Array, map_y: Float32Array) -> Float32Array:
+    sampled = cv2.remap(image, map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(sampled, dtype=np.float32)
 
 
