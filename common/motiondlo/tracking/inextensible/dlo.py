@@ -78,6 +78,7 @@ class InextensibleDlo(CurveFilter):
         self.noise_factor = 1.0
         self.silent_ms = 0.0
         self.quiet_ms = 0.0
+        self.loose_ms = 0.0
         self.background_per_ms = 0.0
         self.recent_speed = 0.0
         self.frozen = True
@@ -181,6 +182,10 @@ class InextensibleDlo(CurveFilter):
         for end in self.ends:
             if np.isfinite(end.tip_shift_px) or end.patch_events >= p.patch_events_min:
                 self.end_seen_ms[end.index] += dt_ms
+        if any(end.seen for end in self.ends):
+            self.loose_ms = 0.0
+        elif not self.frozen:
+            self.loose_ms += dt_ms
         self._follow_open_ends()
         self.past = int(remember_rates(self.vn, self.vn_past, self.past))
         for k, pose in enumerate(poses):
@@ -342,7 +347,8 @@ class InextensibleDlo(CurveFilter):
         nodes, velocity, cov, visible = np.empty((m, 2)), np.empty((m, 2)), np.empty((m, 3)), np.empty(m, np.uint8)
         fastest = publish_nodes(
             self.end_s_px(0), self.end_s_px(1), self.layout.s_lo_px, self.layout.ds_px, STRIDE, self.points, self.theta,
-            self.jacobian, self.cov, self.x, self.support, p.visible_support, p.bias_px, self.geometry.width_px,
+            self.jacobian, self.cov, self.x, self.support, p.visible_support, p.bias_px,
+            self._tangent_bias_px(), self.geometry.width_px,
             self.geometry.height_px, nodes, velocity, cov, visible,
         )  # fmt: skip
         moving = bool(fastest > 100.0) and not self.frozen
@@ -360,6 +366,11 @@ class InextensibleDlo(CurveFilter):
             fit_px=self.fit_px,
             reinitialised=self.reinitialised,
         )
+
+    def _tangent_bias_px(self) -> float:
+        """What all nodes may be off along the DLO: it grows while the DLO moves and neither end is seen."""
+        p = self.params
+        return min(math.hypot(p.bias_tangent_px, p.slip_px_ms * self.loose_ms), 10.0 * p.bias_tangent_px)
 
     def confidence(self) -> float:
         """0..1: how much of what should be seen is seen, and how sure the curve is."""

@@ -131,6 +131,11 @@ class EndTracker:
         return enough and (self.shift_px > 1.0 or self.learned < 2)
 
     @property
+    def seen(self) -> bool:
+        """Whether the last look measured this end along the DLO."""
+        return math.isfinite(self.tip_shift_px) or self.quiet_ms > 0.0 or (self.learned > 2 and self.patch_events > 0)
+
+    @property
     def free(self) -> bool:
         """Whether this end is a tip that can be measured."""
         return self.kind is EndKind.TIP

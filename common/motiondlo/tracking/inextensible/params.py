@@ -110,4 +110,6 @@ class InextensibleParams(BaseModel):
 
     # honesty
     bias_px: float = Field(0.4, ge=0.0, le=5.0, description="standard deviation of what stations have in common")
+    bias_tangent_px: float = Field(3.0, ge=0.0, le=20.0, description="the same along the DLO")
+    slip_px_ms: float = Field(0.15, ge=0.0, le=5.0, description="growth of that while it moves and no end is seen")
     visible_support: float = Field(0.35, ge=0.0, le=1.0, description="support above which a node counts as visible")

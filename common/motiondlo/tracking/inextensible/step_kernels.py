@@ -126,11 +126,12 @@ def place_end(  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def publish_nodes(  # type: ignore[no-untyped-def]
-    lo_px, hi_px, s_lo_px, ds_px, stride, points, theta, jacobian, cov, x, support, visible_support, bias_px, width,
-    height, nodes, velocity, covariance, visible,
+    lo_px, hi_px, s_lo_px, ds_px, stride, points, theta, jacobian, cov, x, support, visible_support, bias_px,
+    bias_tangent_px, width, height, nodes, velocity, covariance, visible,
 ):  # fmt: skip
     """Equidistant nodes from ``lo_px`` to ``hi_px`` with rates (px/s), covariance (xx, xy, yy) and visibility.
 
+    bias_px, bias_tangent_px: what all nodes may have in common, normal and along.
     nodes, velocity: (M, 2), covariance: (M, 3), visible: (M,) uint8. Returns the largest speed in px/s.
     """
     count = nodes.shape[0]
@@ -173,8 +174,13 @@ def publish_nodes(  # type: ignore[no-untyped-def]
             velocity[q, c] = 1000.0 * ((1.0 - b) * station[a, c] + b * station[a + 1, c])
         for c in range(3):
             covariance[q, c] = (1.0 - b) * station[a, 2 + c] + b * station[a + 1, 2 + c]
-        covariance[q, 0] += bias_px * bias_px
-        covariance[q, 2] += bias_px * bias_px
+        g = min(max(f, 0.0), 1.0)
+        angle = theta[i] + g * (theta[i + 1] - theta[i])
+        tx, ty = np.cos(angle), np.sin(angle)
+        along = bias_tangent_px**2 - bias_px**2
+        covariance[q, 0] += bias_px**2 + along * tx * tx
+        covariance[q, 1] += along * tx * ty
+        covariance[q, 2] += bias_px**2 + along * ty * ty
         seen = (1.0 - b) * support[a] + b * support[a + 1] > visible_support
         inside = 0.0 <= nodes[q, 0] < width and 0.0 <= nodes[q, 1] < height
         visible[q] = 1 if seen and inside else 0

@@ -27,8 +27,8 @@ def rows_for(vn, matched, alive=None, count=None, offset_px=0.4):
     good, covered, nis = np.zeros(M, np.uint8), np.zeros(M, np.uint8), np.zeros(M)
     rows, seen, could = station_rows(
         N, 1.0, np.ones((M, N)), np.zeros(M), np.asarray(vn, float), np.full(M, 0.5), matched * offset_px,
-        matched * 0.3, matched * 1.0, count, matched * 2.0, np.full(M, 2.0), np.ones(M, np.uint8), alive, 0.6, 0.05, 1.0, 0.4, 8, 0.3,
-        0.5, h, z, w, robust, good, covered, nis,
+        matched * 0.3, matched * 1.0, count, matched * 2.0, np.full(M, 2.0), np.ones(M, np.uint8), alive, 0.6, 0.05,
+        1.0, 0.4, 8, 0.3, 0.5, h, z, w, robust, good, covered, nis,
     )  # fmt: skip
     return rows, seen, could, h, z, w, good
 
@@ -114,8 +114,8 @@ def test_windows_follow_acceleration_and_travel() -> None:
 
     def prepared(vn: float, filled: int) -> float:
         prepare_stations(
-            1.0, *args, np.full(m, vn), past, filled, np.full(m, 0.5), 6.0, 90.0, 640, 480, 3.0, 8.0, 1.0, 8.0, 5.0, 2.0,
-            22.0, active, out["accel"], out["window"], out["band"],
+            1.0, *args, np.full(m, vn), past, filled, np.full(m, 0.5), 6.0, 90.0, 640, 480, 3.0, 8.0, 1.0, 8.0, 5.0,
+            2.0, 22.0, active, out["accel"], out["window"], out["band"],
         )  # fmt: skip
         return float(out["window"][4])
 
