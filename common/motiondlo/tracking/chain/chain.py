@@ -411,7 +411,8 @@ class Chain:
     def _predict(self, dt_ms: float, speed: float) -> None:
         """Motion model; a gap in the batches is bridged in short steps, until all velocities have died away."""
         p = self.params
-        q = p.accel_noise * max(p.accel_noise_rest, min(speed / 5.0, 1.5)) * self.boost
+        least = p.accel_noise_rest if self.still_ms > 0.0 else p.accel_noise_onset
+        q = p.accel_noise * max(least, min(speed / 5.0, 1.5)) * self.boost
         left = min(dt_ms, 3.0 * p.velocity_decay_ms)
         while left > 1e-9:
             step = min(left, _LONGEST_STEP_MS)
@@ -472,8 +473,9 @@ class Chain:
 
     def _adapt(self, dt_ms: float, use: npt.NDArray[np.bool_]) -> None:
         seen = self.nis[self.nis > 0.0]
-        if len(seen) >= 3:
-            if float(np.median(seen)) > 1.5:
+        surprised = max(end.surprise for end in self.ends) > 4.0
+        if len(seen) >= 3 or surprised:
+            if surprised or float(np.median(seen)) > 1.5:
                 self.boost = min(self.boost * 2.0**dt_ms, 30.0)
             else:
                 self.boost = max(1.0, self.boost * 0.93**dt_ms)

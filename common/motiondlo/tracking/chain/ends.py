@@ -27,6 +27,7 @@ _DIRECTIONS = 16
 _STEP_HALF = 30
 _HIDDEN_TRAVEL_PX = 60.0
 _QUIET_MS = 5.0
+_PATCH_GATE = 60.0
 _DOUBT_MS = 4.0
 """Without a match for so long a patch is looked for widely again."""
 _REST_MS = 20.0
@@ -83,6 +84,8 @@ class End:
         self.acquired = 0
         """Matches absorbed so far."""
         self.measured = False
+        self.surprise = 0.0
+        """Largest normalised innovation squared of the last update."""
         self.unmatched_ms = 0.0
         """How long the patch has made events that fit it nowhere."""
         self.events = 0
@@ -160,6 +163,7 @@ class End:
     ) -> None:
         """Match the end's events and absorb their shift; a silent patch in view is at rest."""
         self.measured = False
+        self.surprise = 0.0
         self.events = 0
         if self.patch is not None:
             self._measure_patch(self.patch, last, t_us, dt_ms, x, P, K, centre, params, Ph, scratch)
@@ -203,8 +207,10 @@ class End:
         if n < (100 if held else 40):
             return
         self.unmatched_ms += dt_ms
-        n = patch_kernels.newest(scratch.a, scratch.d, scratch.p, scratch.age, n, window, 800 if held else 300, 1.0)
         sure = self.sure and self.unmatched_ms < _DOUBT_MS
+        # Before it is known how fast the patch moves, only the newest events are sharp.
+        target = (800 if sure else 300) if held else (300 if sure else 150)
+        n = patch_kernels.newest(scratch.a, scratch.d, scratch.p, scratch.age, n, window, target, 1.0 if sure else 0.4)
         reach = (8 if sure else 22) if held else (8 if sure else 14)
         if sure and speed > 0.5:
             direction = np.array([moves @ v.outward, moves @ v.normal])
@@ -220,7 +226,7 @@ class End:
             reach, reach if held else 3, scratch.score, scratch.out,
         )  # fmt: skip
         out = scratch.out
-        if out[4] < (0.08 if sure else 0.2) or out[5] < (4.0 if sure else 8.0):
+        if out[4] < 0.08 or out[5] < (4.0 if sure else 10.0):
             return
         mean_age = float(scratch.age[:n].mean())
         reuse = max(1.0, 2.0 * mean_age / dt_ms)
@@ -243,7 +249,8 @@ class End:
             z = float(out[axis_index])
             R = (params.end_sigma_px**2 + 2.0 * sigma**2 + (0.15 * mean_age) ** 2) * reuse
             nis = z * z / (filter_kernels.row_variance(P, index, h, rows) + R)
-            if nis > 25.0:
+            self.surprise = max(self.surprise, nis)
+            if nis > _PATCH_GATE:
                 continue
             filter_kernels.update(x, P, index, h, rows, z, R * (1.0 + 0.25 * nis), Ph)
             self.measured = True

@@ -46,6 +46,7 @@ class ChainParams(BaseModel):
     # motion
     accel_noise: float = Field(0.5, gt=0.0, le=10.0, description="acceleration noise at full motion, px^2/ms^3")
     accel_noise_rest: float = Field(0.02, gt=0.0, le=1.0, description="the same at rest, relative to full motion")
+    accel_noise_onset: float = Field(0.1, gt=0.0, le=1.0, description="the same when something is seen to move")
     accel_length_px: float = Field(200.0, ge=30.0, le=2000.0, description="arc length over which accelerations agree")
     velocity_decay_ms: float = Field(80.0, ge=5.0, le=2000.0, description="time constant of velocities without data")
     length_sigma_px: float = Field(0.4, gt=0.0, le=10.0, description="stretch of one node distance, per sqrt(ms)")
