@@ -80,7 +80,7 @@ def refine_centreline(
         if int(both.sum()) >= 8:
             width = float(np.median(widths[both]))
         smooth, sigma = robust_smooth(offset, weight, smooth_w * width / ROW_PX)
-        blur = _edge_blur(strip, smooth, width)
+        blur = _edge_blur(strip, smooth, width) if turn + 1 == max(1, rounds) else 0.0
         centre = centre + smooth[:, None] * left_normals(tangents(centre))
         spread = float(1.4826 * np.median(np.abs(widths[both] - width))) if both.any() else width
         result = RefinedCurve(centre, sigma, width, spread, float(both.mean()), blur)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from numpy.lib.stride_tricks import sliding_window_view
 
 from motiondlo.frames.strip import Scene, sample_strip
 from motiondlo.frames.types import EndKind
@@ -17,6 +18,8 @@ _CHANGED = 0.12
 """Relative difference from the board that an object ahead shows (the strongest cast shadows are excluded by width)."""
 _HELD_SHARE = 0.45
 _STEP_CODES = 9.0
+_GAP = 3
+"""Samples around a step that are left out: its soft edge, and thin lines."""
 
 
 @dataclass(frozen=True)
@@ -76,16 +79,15 @@ def edge_across(scene: Scene, view: EndView) -> float:
         lateral = strip.offsets * sign
         band = (lateral > 0.72 * view.width) & (lateral < 1.0 * view.width)
         profile = strip.image[:, band].mean(axis=1).astype(np.float64)
-        span = max(int(0.5 * view.width), 5)
-        gap = 3
-        best = np.zeros(3)
-        for k in range(span + gap, len(profile) - span - gap):
-            if abs(along[k]) > 0.8 * view.width:
-                continue
-            after = np.median(profile[k + gap : k + gap + span], axis=0)
-            before = np.median(profile[k - gap - span : k - gap], axis=0)
-            step = after - before
-            if np.abs(step).max() > np.abs(best).max():
-                best = step
-        steps.append(best)
+        span = min(max(int(0.5 * view.width), 5), (len(profile) - 2 * _GAP) // 2 - 1)
+        if span < 2:
+            return 0.0
+        level = np.median(sliding_window_view(profile, span, axis=0), axis=2)
+        # level[k] covers samples k to k + span; the step at m compares the windows before m - gap and after m + gap.
+        middle = np.arange(span + _GAP, len(profile) - span - _GAP)
+        middle = middle[np.abs(along[middle]) <= 0.8 * view.width]
+        if len(middle) == 0:
+            return 0.0
+        step = level[middle + _GAP] - level[middle - _GAP - span]
+        steps.append(step[int(np.abs(step).max(axis=1).argmax())])
     return float(min(np.abs(steps[0]).max(), np.abs(steps[1]).max())) if float(steps[0] @ steps[1]) > 0.0 else 0.0

@@ -24,7 +24,6 @@ _TRIM_W = 2.0
 """How much of both ends is measured anew: a skeleton leaves the centreline half a width before a tip, and turns
 towards a jaw two widths before a gripper."""
 _MAX_TRIM_SHARE = 0.22
-_RETRACE_W = 0.6
 _REPEATED_SHARE = 0.5
 _SEARCH_WIDE_W = 2.5
 _WIDER = 1.22
@@ -76,25 +75,13 @@ def measure_segment(scene: Scene, chain: Chain, params: FitParams, screen: Scree
     )
     if screen is not None and not screen(scene, refined):
         return None
-    return follow_both_ends(scene, refined, params)
+    return follow_both_ends(scene, refined)
 
 
-def follow_both_ends(scene: Scene, refined: RefinedCurve, params: FitParams) -> Segment:
-    """Extend a refined centreline to where the DLO ends.
-
-    First roughly, along the continued curve; then the extension is refined by its edges, and the ends are followed
-    again.
-    """
+def follow_both_ends(scene: Scene, refined: RefinedCurve) -> Segment:
+    """Extend (or cut back) a refined centreline to where the DLO ends."""
     palette = learn_palette(scene, refined.centre, refined.width)
-    reach = _REACH_W * refined.width
-    centre, sigma, ends = _extend(scene, refined.centre, refined.sigma, palette, reach)
-    if params.refine:
-        again = refine_centreline(scene, centre, refined.width, 1, params.smooth_length_w)
-        back = _RETRACE_W * refined.width
-        s = arc_length(again.centre)
-        inner = (s >= back) & (s <= s[-1] - back)
-        if int(inner.sum()) >= 8:
-            centre, sigma, ends = _extend(scene, again.centre[inner], again.sigma[inner], palette, 2.5 * back)
+    centre, sigma, ends = _extend(scene, refined.centre, refined.sigma, palette, _REACH_W * refined.width)
     return Segment(
         centre,
         sigma,
