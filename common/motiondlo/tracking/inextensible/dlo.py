@@ -12,8 +12,9 @@ from motiondlo.frames.types import EndKind, FloatArray
 from motiondlo.tracking.inextensible.curve_filter import GAP_MS, CurveFilter
 from motiondlo.tracking.inextensible.ends import EndPose, EndTracker
 from motiondlo.tracking.inextensible.filter_kernels import END_A, STRETCH
+from motiondlo.tracking.inextensible.held_kernels import NOT_SEEN_PX, accumulate_presence, outermost_presence
 from motiondlo.tracking.inextensible.late import PastState, carried_innovation, oriented_like
-from motiondlo.tracking.inextensible.observe_kernels import learn_profiles, observe_stations
+from motiondlo.tracking.inextensible.observe_kernels import BINS_PER_PX, learn_profiles, observe_stations
 from motiondlo.tracking.inextensible.params import InextensibleParams
 from motiondlo.tracking.inextensible.profiles import log_ratios, prior_profiles, visible_at_start
 from motiondlo.tracking.inextensible.row_kernels import find_end, station_rows, update_support
@@ -108,6 +109,8 @@ class InextensibleDlo(CurveFilter):
         sign = -1.0 if index == 0 else 1.0
         if end.kind is EndKind.TIP:
             return float(end.s_px + self.x[2 * self.n + END_A + index])
+        if end.kind is EndKind.HELD and math.isfinite(end.visible_offset_px):
+            return end.s_px + end.visible_offset_px
         reach = self.params.held_report_px if end.kind is EndKind.HELD else 0.0
         if end.open:
             return float(self.known_s_px[index] + sign * self.params.station_px)
@@ -186,6 +189,7 @@ class InextensibleDlo(CurveFilter):
             self.loose_ms = 0.0
         elif not self.frozen:
             self.loose_ms += dt_ms
+        self._follow_held_ends(surface, t_us)
         self._follow_open_ends()
         self.past = int(remember_rates(self.vn, self.vn_past, self.past))
         for k, pose in enumerate(poses):
@@ -204,6 +208,31 @@ class InextensibleDlo(CurveFilter):
             else:
                 extent.append(self.end_s_px(end.index) + sign * 0.25 * self.params.station_px)
         return extent[0], extent[1]
+
+    def _follow_held_ends(self, surface: Int64Array, t_us: int) -> None:
+        """Learn how far a held DLO is seen to go on into what holds it."""
+        p = self.params
+        for end in self.ends:
+            if end.kind is not EndKind.HELD or self.frozen or self.seen < 0.4 * self.could:
+                continue
+            inward = 1 if end.index == 0 else -1
+            station = int(np.argmin(np.abs(self.s_px - end.s_px - inward * 40.0)))
+            middle = (self.llr.shape[2] - 1) // 2
+            for side, edge in enumerate((-1, 1)):
+                k = middle + round(edge * self.radius_px * BINS_PER_PX)
+                rows = self.profile[station, :, k - 2 : k + 3].sum(axis=1)
+                end.rising[side] = 1 if rows[0] >= rows[1] else 0
+            accumulate_presence(
+                surface, t_us, end.s_px, inward, self.layout.s_lo_px, self.layout.ds_px, STRIDE, self.points,
+                self.theta, self.vn, self.radius_px, end.rising, 6.0, p.latency_ms, p.presence_velocity,
+                p.presence_reach_px, p.presence_rate, end.presence, end.presence_looks,
+            )  # fmt: skip
+            if self._turn % 8 == 0 and end.presence_looks.min() >= p.presence_looks:
+                offset = float(outermost_presence(end.presence, p.presence_share))
+                if offset < NOT_SEEN_PX:
+                    # Jaws beside the DLO hide its silhouettes early, so that this only ever says that it goes on.
+                    beyond = max(p.held_report_px, p.presence_margin_px - offset)
+                    end.visible_offset_px = -inward * min(beyond, p.held_reach_px)
 
     def _follow_open_ends(self) -> None:
         """Let a DLO that came from beyond the image grow as it comes in, and find its end."""

@@ -17,6 +17,7 @@ from motiondlo.tracking.inextensible.end_kernels import (
     match_tip,
 )
 from motiondlo.tracking.inextensible.filter_kernels import END_A, RATIO_A
+from motiondlo.tracking.inextensible.held_kernels import PLACES
 from motiondlo.tracking.inextensible.params import InextensibleParams
 
 Int64Array = npt.NDArray[np.int64]
@@ -91,6 +92,8 @@ class EndTracker:
     """Events per ms in the patch at rest; -1 before the first look."""
     stirred: bool = False
     """The patch has clearly more events than at rest."""
+    visible_offset_px: float = float("nan")
+    """Material offset from ``s_px`` to which a held DLO is seen; not a number before it is known."""
     quiet_ms: float = 0.0
     shift_px: float = 0.0
     tip_shift_px: float = float("nan")
@@ -104,6 +107,9 @@ class EndTracker:
         at = np.arange(-_TIP_REACH_PX, _TIP_REACH_PX + 1)
         self.tip_profile = 0.03 + 0.97 / (1.0 + np.exp((at - 1.0) / 1.2))
         self._tip_start = self.tip_profile.copy()
+        self.presence = np.zeros((2, PLACES))
+        self.presence_looks = np.zeros(PLACES, np.int64)
+        self.rising = np.zeros(2, np.uint8)
         self._histogram = np.zeros(2 * _TIP_REACH_PX + 1)
         self._a = np.empty(_PATCH_CAPACITY, np.float32)
         self._b = np.empty(_PATCH_CAPACITY, np.float32)

@@ -1,0 +1,103 @@
+"""How far a held DLO is seen to go on into what holds it: both silhouettes along its last centimetres.
+
+The frame branch ends a held DLO where the jaws begin in the RGB picture; they stand higher than the DLO, so that the
+event camera sees them elsewhere. Where both silhouettes make their events, the DLO is there.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+STEP_PX = 2.0
+BEYOND_PX = 40.0
+INWARD_PX = 64.0
+PLACES = int((BEYOND_PX + INWARD_PX) / STEP_PX) + 1
+NOT_SEEN_PX = 1e9
+_LEVEL_FROM_PX = 24.0
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def accumulate_presence(  # type: ignore[no-untyped-def]
+    surface, t_us, s_end_px, inward, s_lo_px, ds_px, stride, points, theta, vn, radius_px, rising, window_max_ms,
+    latency_ms, v_min, reach_px, rate, presence, looks,
+):  # fmt: skip
+    """Let ``presence`` (2, PLACES) follow the events at either silhouette, from BEYOND_PX outward to INWARD_PX inward.
+
+    inward: 1 where the DLO lies towards larger s, else -1; rising: (2,) uint8, 1 where luminance rises along the normal
+    at -radius and at +radius; an event within reach_px of a silhouette belongs to it. looks (PLACES,) counts the looks
+    at every place; those that move slower than v_min px/ms across are left as they are.
+    """
+    height, width = surface.shape[1], surface.shape[2]
+    samples = points.shape[0]
+    m = vn.shape[0]
+    for k in range(presence.shape[1]):
+        s = s_end_px + inward * (k * STEP_PX - BEYOND_PX)
+        u = (s - s_lo_px) / ds_px
+        i = min(max(int(np.floor(u)), 0), samples - 2)
+        f = u - i
+        px = points[i, 0] + f * (points[i + 1, 0] - points[i, 0])
+        py = points[i, 1] + f * (points[i + 1, 1] - points[i, 1])
+        g = min(max(f, 0.0), 1.0)
+        angle = theta[i] + g * (theta[i + 1] - theta[i])
+        nx, ny = -np.sin(angle), np.cos(angle)
+        q = min(max(u / stride, 0.0), m - 1.0)
+        a = min(int(q), m - 2)
+        v = vn[a] + (q - a) * (vn[a + 1] - vn[a])
+        inside = 4.0 < px < width - 4.0 and 4.0 < py < height - 4.0
+        if abs(v) < v_min or not inside:
+            continue
+        looks[k] += 1
+        weight = max(rate, 1.0 / looks[k])
+        window_ms = min(window_max_ms, 3.0 / abs(v))
+        t_min = t_us - window_ms * 1000.0
+        positive = v >= 0.0
+        back = v * window_ms
+        steps = int(2.0 * reach_px + abs(back)) + 1
+        for side in range(2):
+            edge = -radius_px if side == 0 else radius_px
+            lo = edge - reach_px - max(back, 0.0)
+            # Where luminance rises along the normal, motion along it makes OFF events.
+            p = 0 if (rising[side] == 1) == positive else 1
+            found = 0
+            for b in range(steps):
+                x = int(px + (lo + b) * nx + 0.5)
+                y = int(py + (lo + b) * ny + 0.5)
+                if x < 0 or y < 0 or x >= width or y >= height:
+                    continue
+                ts = surface[p, y, x]
+                if ts > t_min:
+                    d = (x - px) * nx + (y - py) * ny + v * ((t_us - ts) * 1e-3 + latency_ms)
+                    if abs(d - edge) < reach_px:
+                        found += 1
+            presence[side, k] += weight * (min(found / max(abs(back), 1.0), 1.0) - presence[side, k])
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def outermost_presence(presence, share):  # type: ignore[no-untyped-def]
+    """Offset from the end, px (negative: outward), to which both silhouettes go on without a gap.
+
+    Both must keep ``share`` of their level further inward, averaged over three places. NOT_SEEN_PX if there is none.
+    """
+    places = presence.shape[1]
+    start = int((BEYOND_PX + _LEVEL_FROM_PX) / STEP_PX)
+    outermost = -BEYOND_PX
+    for side in range(2):
+        level = 0.0
+        for k in range(start, places):
+            level += presence[side, k] / (places - start)
+        if level < 0.2:
+            return NOT_SEEN_PX
+        last = start
+        gap = 0
+        for k in range(start, 0, -1):
+            near = (presence[side, k - 1] + presence[side, k] + presence[side, k + 1]) / 3.0
+            if near >= share * level:
+                last = k
+                gap = 0
+            else:
+                gap += 1
+                if gap >= 3:
+                    break
+        outermost = max(outermost, last * STEP_PX - BEYOND_PX)
+    return outermost

@@ -1,0 +1,47 @@
+"""How far a held DLO is seen to go on beyond the end that the frame branch gave it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from motiondlo.tracking.inextensible.held_kernels import (
+    BEYOND_PX,
+    NOT_SEEN_PX,
+    PLACES,
+    STEP_PX,
+    accumulate_presence,
+    outermost_presence,
+)
+
+RADIUS_PX = 8.0
+
+
+def test_silhouettes_beyond_the_given_end_are_found(bar_scene, sweep_path) -> None:
+    """The bar begins at x = 80; the shape is said to begin 20 px later."""
+    scene = bar_scene(sweep_path((0.0, 1.5)))
+    surface = np.full((2, 300, 420), -(1 << 60), np.int64)
+    presence, looks = np.zeros((2, PLACES)), np.zeros(PLACES, np.int64)
+    for k in range(40):
+        events = scene.batch(k).events
+        surface[events["p"], events["y"], events["x"]] = events["t"]
+        y = scene.path(k + 1.0)[1]
+        points = np.stack([np.arange(40.0, 304.0, 6.0), np.full(44, y)], axis=1)
+        vn = np.full(22, 1.5 if k > 12 else 0.0)
+        # bright on dark: luminance rises at the silhouette at -radius
+        accumulate_presence(
+            surface, (k + 1) * 1000, 60.0, 1, 0.0, 6.0, 2, points, np.zeros(44), vn, RADIUS_PX,
+            np.array([1, 0], np.uint8), 6.0, 0.0, 0.5, 3.0, 0.05, presence, looks,
+        )  # fmt: skip
+    assert looks.min() == 27
+    assert outermost_presence(presence, 0.5) == pytest.approx(-20.0, abs=4.0)
+
+
+def test_both_silhouettes_must_go_on() -> None:
+    at = np.arange(PLACES) * STEP_PX - BEYOND_PX
+    presence = np.stack([np.where(at >= -30.0, 0.9, 0.0), np.where(at >= -6.0, 0.7, 0.1)])
+    assert outermost_presence(presence, 0.5) == pytest.approx(-6.0, abs=2.0)
+
+
+def test_a_dlo_without_silhouettes_says_nothing() -> None:
+    assert outermost_presence(np.full((2, PLACES), 0.05), 0.5) == NOT_SEEN_PX
