@@ -58,7 +58,7 @@ class ReplaySection(BaseModel):
         default=1000.0,
         ge=0.0,
         le=60000.0,
-        description="a segmentation is used this long after its request (event time), as in `motiondlo track`; 0: at once",
+        description="in event time, a segmentation is used this long after its request, as in motiondlo track; 0: at once",
     )
 
 

@@ -88,7 +88,7 @@ def _extended_curve(nodes: FloatArray, chord_px: float, extend_px: float) -> tup
     length = float(arc_length(nodes)[-1])
     rows_before = int(np.ceil(extend_px / _DS_PX))
     rows_inside = int(np.floor(length / _DS_PX)) + 1
-    s = (np.arange(rows_before + rows_inside + rows_before) - rows_before) * _DS_PX
+    s = np.asarray(np.arange(rows_before + rows_inside + rows_before) - rows_before, np.float64) * _DS_PX
     # End tangents from chords of about one diameter: single segments of a pixel skeleton point anywhere.
     chord = min(chord_px, 0.5 * length)
     ends = point_at(nodes, np.array([0.0, chord, length - chord, length]))
