@@ -26,6 +26,7 @@ _PERSIST_PX = 8
 """A change that lasts less is a print."""
 _LEAST_CHANGE = 11.0
 """Image codes."""
+_EDGES_FROM_W = 3.0
 _SHADE = (0.72, 1.06)
 """Range of codes under a cast shadow over codes in the light (codes grow with the 2.2th root of light)."""
 _SHADE_COST = 0.25
@@ -113,6 +114,9 @@ def follow_end(scene: Scene, centre: FloatArray, side: int, palette: Palette, re
         unlike = np.concatenate([unlike, fresh[:step]])
         supported.append(edged[: len(ahead[:step])])
         tail = _tail(np.concatenate([tail, ahead[:step]]), None, 3.5 * width)
+        # Far out only edges can tell that it is still the DLO, and not a board that looks like it.
+        if len(places) - lead - 1 > _EDGES_FROM_W * width and float(supported[-1].mean()) < 0.5:
+            break
     grown = places[lead + 1 :]
     if stop is None:
         return FollowedEnd(grown if leaves else grown[: _edged_length(supported, width)], leaves, leaves)

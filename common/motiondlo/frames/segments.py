@@ -27,7 +27,7 @@ _MAX_TRIM_SHARE = 0.22
 _REPEATED_SHARE = 0.5
 _SEARCH_WIDE_W = 2.5
 _WIDER = 1.22
-_REACH_W = 4.0
+_REACH_W = 10.0
 
 
 @dataclass(frozen=True)
