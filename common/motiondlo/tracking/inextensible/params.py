@@ -55,6 +55,7 @@ class InextensibleParams(BaseModel):
     learn_pull: float = Field(0.008, ge=0.0, le=0.5, description="pull of the profile back to the frame's")
 
     # dynamics
+    step_max_ms: float = Field(2.0, ge=0.5, le=10.0, description="longer batches are taken in steps of at most this")
     noise_scale: float = Field(0.5, ge=1e-3, le=50.0, description="acceleration noise in motion, px^2/ms^3")
     noise_rest_share: float = Field(0.02, ge=1e-4, le=1.0, description="share of it at rest")
     noise_speed: float = Field(5.0, ge=0.1, le=50.0, description="speed at which the noise is full")

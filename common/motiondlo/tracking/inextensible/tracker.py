@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 import numpy as np
@@ -10,6 +11,7 @@ from motiondlo.events.surface import TimeSurface
 from motiondlo.events.types import EventBatch, SensorGeometry
 from motiondlo.rejects import RejectReason
 from motiondlo.tracking.correction_gate import CorrectionGate
+from motiondlo.tracking.inextensible.curve_filter import GAP_MS
 from motiondlo.tracking.inextensible.dlo import InextensibleDlo
 from motiondlo.tracking.inextensible.late import PastState
 from motiondlo.tracking.inextensible.near_kernels import MASK_BITS, TILE_SHIFT, count_near, mark_tiles
@@ -62,37 +64,47 @@ class InextensibleTracker:
         clock = time.perf_counter_ns
         start_ns = clock()
         self._apply_due(max(batch.t0_us, 0))
+        if batch.t1_us <= self._t_us:
+            # Time went back: what the surface holds lies in the future.
+            self._surface.clear()
+            self._t_us = batch.t0_us
         since_us = batch.t0_us if self._t_us < 0 else min(self._t_us, batch.t0_us)
-        dt_ms = max(batch.t1_us - since_us, 1) * 1e-3
+        span_ms = max(batch.t1_us - since_us, 1) * 1e-3
         events = batch.events
-        self._surface.update(events)
         if len(events):
             self._t_events_us = int(events["t"][-1])
-        surface_ns = clock()
         self._count_near(batch)
         near_ns = clock()
-        active_pixels = 0
-        for dlo in self._dlos.values():
-            fresh = int(self._counts[dlo.id % MASK_BITS])
-            stirred = dlo.stirred(fresh, dt_ms)
-            if dlo.asleep and not stirred:
-                continue
-            was_frozen = dlo.frozen
-            dlo.step(self._surface.last_us, batch.t1_us, dt_ms)
-            if not dlo.frozen or not was_frozen:
-                self._gate.history(dlo.id).record(batch.t1_us, dlo.past_state())
-                self._tiles_stale = True
-            if dlo.moving:
-                active_pixels += fresh
+        awake = [
+            dlo
+            for dlo in self._dlos.values()
+            if dlo.stirred(int(self._counts[dlo.id % MASK_BITS]), span_ms) or not dlo.asleep
+        ]
+        # Events older than the prediction can bridge are worth little: long batches are taken in steps.
+        steps = 1 if span_ms > GAP_MS or not awake else max(1, math.ceil(span_ms / self.params.step_max_ms - 1e-6))
+        edges_us = np.linspace(since_us, batch.t1_us, steps + 1).astype(np.int64)
+        cuts = [0, *np.searchsorted(events["t"], edges_us[1:-1]).tolist(), len(events)]
+        surface_ns = 0
+        for k in range(steps):
+            before_ns = clock()
+            self._surface.update(events[cuts[k] : cuts[k + 1]])
+            surface_ns += clock() - before_ns
+            for dlo in awake:
+                was_frozen = dlo.frozen
+                dlo.step(self._surface.last_us, int(edges_us[k + 1]), float(edges_us[k + 1] - edges_us[k]) * 1e-3)
+                if not dlo.frozen or not was_frozen:
+                    self._gate.history(dlo.id).record(int(edges_us[k + 1]), dlo.past_state())
+                    self._tiles_stale = True
+        active_pixels = sum(int(self._counts[dlo.id % MASK_BITS]) for dlo in awake if dlo.moving)
         self._t_us = batch.t1_us
         tracks_ns = clock()
         tracks = tuple(dlo.state() for dlo in self._dlos.values())
         stages = {}
         if self._timed:
             stages = {
-                "surface": surface_ns - start_ns,
-                "near": near_ns - surface_ns,
-                "tracks": tracks_ns - near_ns,
+                "near": near_ns - start_ns,
+                "surface": surface_ns,
+                "tracks": tracks_ns - near_ns - surface_ns,
                 "result": clock() - tracks_ns,
             }
         return TrackUpdate(

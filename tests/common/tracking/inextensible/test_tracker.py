@@ -129,6 +129,16 @@ def test_events_lost_for_a_while_widen_the_uncertainty(bar_scene, sweep_path) ->
     assert np.isfinite(after.nodes).all()
 
 
+def test_time_that_goes_back_does_not_mix_old_events_in(bar_scene, sweep_path) -> None:
+    """CLOCK_STEP: the recording starts again from its beginning."""
+    scene = bar_scene(sweep_path((0.0, 1.0)))
+    tracker = tracker_for(scene)
+    play(tracker, scene, 40)
+    assert tracker.correct(scene.correction(seq=1, t_us=0)) is None
+    state = play(tracker, scene, 40)
+    assert normal_error_px(state, scene, 40.0) < 1.0
+
+
 def test_late_correction_moves_what_was_not_seen_since(bar_scene) -> None:
     """A DLO at rest, 3 px beside its shape: the late shape is believed, in part because nothing contradicted it."""
     scene = bar_scene(lambda t_ms: (80.0, 80.0))
