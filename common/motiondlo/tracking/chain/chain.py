@@ -25,6 +25,8 @@ _RIM_PX = 4.0
 _RESTING_PX_MS = 0.3
 _LONGEST_STEP_MS = 5.0
 _SLEEP_MS = 40.0
+# Silence along the whole DLO after which even a fast one has stopped.
+_STOP_MS = 4.0
 _WATCH_US = 4000
 _SHADOW_PX = 24.0
 # A gripper's arm goes on behind it: this far, and so wide.
@@ -54,13 +56,13 @@ class Chain:
         self._seen_share = 0.7
         self._x_before = self.x.copy()
         self._P_before = self.P.copy()
+        self._silent_ms = 0.0
         self.asleep = False
         self.foreign = np.zeros(self.S, np.bool_)
         self._foreign_count = 0
         self._state: TrackState | None = None
         self.fit_px = 0.0
         self.observed = 0.0
-        self.prepended = 0
         self.reinitialised = 0
         self.t_corrected_us = -1
         self.confidence = 1.0
@@ -138,6 +140,7 @@ class Chain:
         self.g = np.zeros((S, 10))
         self.out = np.zeros((S, 8))
         self.nis = np.zeros(S)
+        self.seen_ms = np.zeros(S)
         self.exists = np.ones(S, np.bool_)
         self.use = np.zeros(S, np.bool_)
         self.accel = np.zeros(S)
@@ -226,6 +229,12 @@ class Chain:
         for a in range(2):
             P[a * K : (a + 1) * K, a * K : (a + 1) * K] = position
             P[(2 + a) * K : (3 + a) * K, (2 + a) * K : (3 + a) * K] = velocity
+        # The whole shape may be shifted along itself: where a frame sees an end is not where the next one sees it.
+        slide = float(np.median(correction.sigma_tangent_px))
+        along = np.gradient(np.stack([self.x[:K], self.x[K : 2 * K]], axis=1), axis=0)
+        along /= np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
+        mode = slide * along.T.reshape(-1)
+        P[: 2 * K, : 2 * K] += np.outer(mode, mode)
         # What was never seen may turn and bend about the last place that was.
         for beyond in (np.maximum(before - s, 0.0), np.maximum(s - before - length, 0.0)):
             for mode in (0.06 * beyond, 0.0006 * beyond**2):
@@ -486,6 +495,7 @@ class Chain:
         found = out[:, 3]
         vn = np.abs(g[:, 6])
         self.support[~self.inside] = 0.0
+        self.seen_ms[self.use] += dt_ms
         self.support[self.use] = np.minimum(self.support[self.use] + dt_ms, 10.0)
         vanished = (found >= 0) & (found < p.min_events) & (vn > 0.7)
         self.support[vanished] = np.maximum(self.support[vanished] - dt_ms, 0.0)
@@ -495,7 +505,15 @@ class Chain:
         )
         looked = self.inside & (found >= 0) & ~self.foreign
         quiet = looked & (found < p.min_events)
-        if self.use.sum() <= 1 and looked.sum() >= 4 and quiet.sum() > 0.8 * looked.sum() and speed < 1.0:
+        silent_all = self.use.sum() <= 1 and looked.sum() >= 4 and quiet.sum() > 0.8 * looked.sum()
+        self._silent_ms = self._silent_ms + dt_ms if silent_all else 0.0
+        stopped = silent_all and speed >= 1.0 and self._silent_ms >= _STOP_MS
+        if stopped:
+            # It stopped where its last events were.
+            K = self.K
+            self.x[: 2 * K] -= self.x[2 * K : 4 * K] * self._silent_ms
+            self.x[2 * K : 4 * K] = 0.0
+        if silent_all and (speed < 1.0 or stopped):
             everywhere = np.ones(self.S, np.bool_)
             filter_kernels.rest_normals(
                 self.x, self.P, self.K, self.j0, self.w, g, everywhere, 0.1**2 / dt_ms, True, self._Ph
@@ -519,7 +537,7 @@ class Chain:
         floor = (self.params.bias_sigma * self.diameter_px) ** 2
         cov[:, 0] += floor
         cov[:, 2] += floor
-        seen = np.interp(self.output_u, self.station_u, np.where(self.inside, self.support, 0.0)) >= 3.0
+        seen = np.interp(self.output_u, self.station_u, np.where(self.inside, self.support, 0.0)) >= 5.0
         inside = (
             (nodes[:, 0] >= 0)
             & (nodes[:, 1] >= 0)

@@ -86,6 +86,7 @@ class End:
         self.measured = False
         self.surprise = 0.0
         """Largest normalised innovation squared of the last update."""
+        self.seen_ms = 0.0
         self.unmatched_ms = 0.0
         """How long the patch has made events that fit it nowhere."""
         self.events = 0
@@ -256,6 +257,7 @@ class End:
             self.measured = True
         if self.measured:
             self.acquired += 1
+            self.seen_ms += dt_ms
             self.unmatched_ms = 0.0
 
     def _rest(self, v: EndView, x: FloatArray, P: FloatArray, K: int, dt_ms: float, Ph: FloatArray) -> None:
@@ -353,6 +355,7 @@ class End:
             return
         filter_kernels.update(x, P, index, h, 8, z, R * (1.0 + 0.25 * nis), Ph)
         self.measured = True
+        self.seen_ms += dt_ms
 
 
 def _within(point: FloatArray, last: npt.NDArray[np.int64], rim: float) -> bool:

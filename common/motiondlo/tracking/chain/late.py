@@ -21,6 +21,8 @@ _CALIBRATION_SIGMA_PX = 1.0
 """Smooth error of the homography, which all frames share."""
 _TIP_SIGMA_PX = 3.0
 _GATE = 36.0
+_FADE_MS = 15.0
+_LEAST_LASTING = 0.2
 _RIM_PX = 12.0
 
 
@@ -30,18 +32,24 @@ class PastShape:
 
     nodes: FloatArray
     """(K, 2) control nodes."""
-    prepended: int
-    """Control nodes that had been put in front since the start: u counts from the first of them."""
+    seen_ms: FloatArray
+    """(S,) for how long each station had been measured by then."""
+    ends_seen_ms: tuple[float, float]
+    """The same of both ends."""
 
     @staticmethod
     def of(chain: Chain) -> PastShape:
         """The chain as it is now."""
-        return PastShape(np.stack([chain.x[: chain.K], chain.x[chain.K : 2 * chain.K]], axis=1), chain.prepended)
+        return PastShape(
+            np.stack([chain.x[: chain.K], chain.x[chain.K : 2 * chain.K]], axis=1),
+            chain.seen_ms.copy(),
+            (chain.ends[0].seen_ms, chain.ends[1].seen_ms),
+        )
 
-    def points(self, u: FloatArray, prepended: int) -> tuple[FloatArray, FloatArray]:
-        """Points and unit tangents at the places that have coordinate ``u`` in a chain with ``prepended`` nodes."""
+    def points(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Points and unit tangents at material coordinates ``u``."""
         K = len(self.nodes)
-        j0, w, w1, _ = weights(np.clip(u + (self.prepended - prepended), 0.0, K - 3.0), K)
+        j0, w, w1, _ = weights(np.clip(u, 0.0, K - 3.0), K)
         local = self.nodes[j0[:, None] + np.arange(4)]
         t = (w1[:, :, None] * local).sum(axis=1)
         return (w[:, :, None] * local).sum(axis=1), t / np.maximum(np.hypot(t[:, 0], t[:, 1]), 1e-9)[:, None]
@@ -55,7 +63,7 @@ def absorb(chain: Chain, past: PastShape, correction: Correction) -> Callable[[P
     """
     K = chain.K
     u = np.arange(np.ceil(chain.u_first), np.floor(chain.u_last) + 0.5)
-    then, t_then = past.points(u, chain.prepended)
+    then, t_then = past.points(u)
     shape = np.asarray(correction.nodes, dtype=np.float64)
     distance, s = project(then, shape)
     length = float(np.hypot(*np.diff(shape, axis=0).T).sum())
@@ -73,29 +81,26 @@ def absorb(chain: Chain, past: PastShape, correction: Correction) -> Callable[[P
     filter_kernels.place_covariance(chain.P, K, j0, w, cov, False)
     tx, ty = g[:, 2], g[:, 3]
     own = ty**2 * cov[:, 0] - 2 * tx * ty * cov[:, 1] + tx**2 * cov[:, 2]
-    # The frame's errors agree over about three node distances; what the chain knew then has changed since by about as
-    # much as it does not know now.
+    # The frame's errors agree over about three node distances.
     R = 3.0 * (sigma**2 + _CALIBRATION_SIGMA_PX**2) + own
     if faced.sum() < 3:
         return None
     if float(np.median(offset[faced] ** 2 / (R + own)[faced])) > _GATE:
         return None
     before = chain.x[: 2 * K].copy()
+    # What events have measured since then is better known than by the frame: an old error is gone there.
+    lasting = np.exp(-np.interp(u, chain.station_u, chain.seen_ms - past.seen_ms) / _FADE_MS)
     ends = _end_rows(chain, past, correction, shape)
-    for k in np.flatnonzero(faced):
-        _apply(chain, j0[k], w[k], np.array([-ty[k], tx[k]]), float(offset[k]), float(R[k]))
+    for k in np.flatnonzero(faced & (lasting > _LEAST_LASTING)):
+        f = float(lasting[k])
+        _apply(chain, j0[k], w[k], np.array([-ty[k], tx[k]]), f * float(offset[k]), float(R[k]))
     for jj, ww, axis, z, variance in ends:
         _apply(chain, jj, ww, axis, z, variance)
     chain.touch()
     delta = (chain.x[: 2 * K] - before).reshape(2, K).T
-    prepended = chain.prepended
 
     def change(state: PastShape) -> PastShape:
-        lead = prepended - state.prepended
-        moved = state.nodes.copy()
-        count = min(len(moved), len(delta) - lead)
-        moved[:count] += delta[lead : lead + count]
-        return PastShape(moved, state.prepended)
+        return replace(state, nodes=state.nodes + delta)
 
     return change
 
@@ -115,7 +120,7 @@ def _end_rows(
     """Tangential offsets of free tips that both the chain and the frame show."""
     rows: list[tuple[int, FloatArray, FloatArray, float, float]] = []
     u_ends = np.array([chain.u_first, chain.u_last])
-    then, t_then = past.points(u_ends, chain.prepended)
+    then, t_then = past.points(u_ends)
     same = np.hypot(*(shape[0] - then[0])) + np.hypot(*(shape[-1] - then[1])) <= np.hypot(
         *(shape[-1] - then[0])
     ) + np.hypot(*(shape[0] - then[1]))
@@ -127,7 +132,10 @@ def _end_rows(
         width, height = chain.geometry.width_px, chain.geometry.height_px
         if not (_RIM_PX < tip[0] < width - _RIM_PX and _RIM_PX < tip[1] < height - _RIM_PX):
             continue
-        z = float((tip - then[k]) @ t_then[k])
+        lasting = float(np.exp(-(chain.ends[k].seen_ms - past.ends_seen_ms[k]) / _FADE_MS))
+        if lasting < _LEAST_LASTING:
+            continue
+        z = lasting * float((tip - then[k]) @ t_then[k])
         j0, w, w1, _ = weights(u_ends[k : k + 1], chain.K)
         local = np.stack([chain.x[j0[0] : j0[0] + 4], chain.x[chain.K + j0[0] : chain.K + j0[0] + 4]], axis=1)
         t = w1[0] @ local
@@ -139,8 +147,8 @@ def _end_rows(
 def carried_forward(correction: Correction, chain: Chain, past: PastShape) -> Correction:
     """The correction's shape moved as the chain moved between the frame's time and now."""
     u = np.linspace(chain.u_first, chain.u_last, 60)
-    then, _ = past.points(u, chain.prepended)
-    now, _ = PastShape.of(chain).points(u, chain.prepended)
+    then, _ = past.points(u)
+    now, _ = PastShape.of(chain).points(u)
     shape = np.asarray(correction.nodes, dtype=np.float64)
     _, s = project(shape, then)
     knots = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(then, axis=0).T))])

@@ -105,7 +105,15 @@ def measure_texture(
         angle = math.atan2(
             velocity[0] * normal[0] + velocity[1] * normal[1], velocity[0] * tangent[0] + velocity[1] * tangent[1]
         )
-        k = int(round(angle / (2.0 * math.pi) * directions)) % directions
+        k = math.floor(angle / (2.0 * math.pi) * directions + 0.5) % directions
+        if speed < 1.2:
+            # At onset the motion along the DLO is hardly known: try all directions.
+            best = 0.0
+            for d in range(directions):
+                match(tables[i, d], pad, -half_length, half_width, ev_a, ev_d, ev_p, n, 80, _REACH, _SIDE, score, out)
+                if out[4] > best:
+                    best = out[4]
+                    k = d
         match(tables[i, k], pad, -half_length, half_width, ev_a, ev_d, ev_p, n, 200, _REACH, _SIDE, score, out)
         if out[2] <= 0.0 or out[4] < 0.12 or out[5] < 5.0 or abs(out[0]) > _REACH - 1.5:
             continue
