@@ -117,6 +117,7 @@ class EndTracker:
         self._match = np.zeros(7)
         self._tip = np.zeros(2)
         self._window_ms = 1.0
+        self._tip_moves = False
 
     @property
     def held(self) -> bool:
@@ -132,7 +133,7 @@ class EndTracker:
     def moved(self) -> bool:
         """Whether this end was seen to move by the last look."""
         if math.isfinite(self.tip_shift_px):
-            return abs(self.tip_shift_px) > 1.0
+            return self._tip_moves
         enough = self.held and self.stirred and self.patch_events >= self.params.patch_events_min
         return enough and (self.shift_px > 1.0 or self.learned < 2)
 
@@ -321,6 +322,9 @@ class EndTracker:
         if self._tip[1] <= 0.0:
             return
         self.tip_shift_px = float(self._tip[0])
+        # From rest a tip goes a few pixels at most between two looks; a sudden jump is something else that passes.
+        far = abs(self.tip_shift_px)
+        self._tip_moves = far > 1.0 and (far < 4.0 or self._tip_moves)
         base = pose.outward @ pose.jacobian
         row = np.zeros(size)
         row[:n] = base

@@ -224,6 +224,13 @@ def test_two_dlos_keep_their_ids_while_one_moves(bar_scene, sweep_path) -> None:
     assert not by_id[2].moving
 
 
+def test_warm_up_leaves_the_tracker_as_it_is(bar_scene, sweep_path) -> None:
+    scene = bar_scene(sweep_path())
+    warm, cold = tracker_for(scene), tracker_for(scene)
+    warm.warm_up()
+    np.testing.assert_array_equal(play(warm, scene, 12).nodes, play(cold, scene, 12).nodes)
+
+
 def test_stages_are_timed_only_when_asked_for(bar_scene, sweep_path) -> None:
     scene = bar_scene(sweep_path())
     assert tracker_for(scene).update(scene.batch(0)).stages_ns == {}
