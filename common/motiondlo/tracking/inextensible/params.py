@@ -13,7 +13,7 @@ class InextensibleParams(BaseModel):
     # curve
     output_nodes: int = Field(50, ge=8, le=400, description="nodes of a published DLO")
     knot_px: float = Field(50.0, ge=15.0, le=200.0, description="distance of the spline's knots along the DLO")
-    station_px: float = Field(12.0, ge=6.0, le=40.0, description="distance of the stations that are observed")
+    station_px: float = Field(24.0, ge=6.0, le=40.0, description="distance of the stations that are observed")
     max_coefficients: int = Field(48, ge=8, le=80, description="most spline coefficients of one DLO")
     held_reach_px: float = Field(40.0, ge=0.0, le=100.0, description="how far a held DLO goes on beyond its seen end")
     held_report_px: float = Field(7.0, ge=0.0, le=100.0, description="how much of that is published")
@@ -40,7 +40,7 @@ class InextensibleParams(BaseModel):
     window_travel_px: float = Field(
         8.0, ge=1.0, le=50.0, description="most normal travel in a window above the minimum"
     )
-    events_target: int = Field(60, ge=5, le=1000, description="events of a station that end its window")
+    events_target: int = Field(40, ge=5, le=1000, description="events of a station that end its window")
     events_min: int = Field(8, ge=3, le=200, description="fewest events of a station that are matched")
     quality_min: float = Field(0.4, ge=0.0, le=3.0, description="least mean log-likelihood ratio an event")
     ambiguous_velocity: float = Field(0.4, ge=0.0, le=3.0, description="below it the direction is not trusted")
