@@ -12,6 +12,7 @@ from motiondlo.frames.types import EndKind
 from motiondlo.geometry.curve import point_at, project
 from motiondlo.tracking.chain import filter_kernels
 from motiondlo.tracking.chain.chain import Chain
+from motiondlo.tracking.chain.filter_state import ChainFilter
 from motiondlo.tracking.chain.spline import weights
 from motiondlo.tracking.types import Correction
 
@@ -41,8 +42,8 @@ class PastShape:
     def of(chain: Chain) -> PastShape:
         """The chain as it is now."""
         return PastShape(
-            np.stack([chain.x[: chain.K], chain.x[chain.K : 2 * chain.K]], axis=1),
-            chain.seen_ms.copy(),
+            chain.filter.nodes(),
+            chain.stations.seen_ms.copy(),
             (chain.ends[0].seen_ms, chain.ends[1].seen_ms),
         )
 
@@ -61,7 +62,8 @@ def absorb(chain: Chain, past: PastShape, correction: Correction) -> Callable[[P
     Offsets at the frame's time, in the curve's own normal and tangential directions, are taken as measurements of the
     same material places now. Returns the change that the history since then needs.
     """
-    K = chain.K
+    f, stations = chain.filter, chain.stations
+    K = f.K
     u = np.arange(np.ceil(chain.u_first), np.floor(chain.u_last) + 0.5)
     then, t_then = past.points(u)
     shape = np.asarray(correction.nodes, dtype=np.float64)
@@ -77,8 +79,8 @@ def absorb(chain: Chain, past: PastShape, correction: Correction) -> Callable[[P
     j0, w, w1, w2 = weights(u, K)
     g = np.zeros((len(u), 10))
     cov = np.zeros((len(u), 3))
-    filter_kernels.place(chain.x, K, j0, w, w1, w2, g)
-    filter_kernels.place_covariance(chain.P, K, j0, w, cov, False)
+    filter_kernels.place(f.x, K, j0, w, w1, w2, g)
+    filter_kernels.place_covariance(f.P, K, j0, w, cov, False)
     tx, ty = g[:, 2], g[:, 3]
     own = ty**2 * cov[:, 0] - 2 * tx * ty * cov[:, 1] + tx**2 * cov[:, 2]
     # The frame's errors agree over about three node distances.
@@ -87,17 +89,16 @@ def absorb(chain: Chain, past: PastShape, correction: Correction) -> Callable[[P
         return None
     if float(np.median(offset[faced] ** 2 / (R + own)[faced])) > _GATE:
         return None
-    before = chain.x[: 2 * K].copy()
+    before = f.nodes()
     # What events have measured since then is better known than by the frame: an old error is gone there.
-    lasting = np.exp(-np.interp(u, chain.station_u, chain.seen_ms - past.seen_ms) / _FADE_MS)
+    lasting = np.exp(-np.interp(u, stations.u, stations.seen_ms - past.seen_ms) / _FADE_MS)
     ends = _end_rows(chain, past, correction, shape)
     for k in np.flatnonzero(faced & (lasting > _LEAST_LASTING)):
-        f = float(lasting[k])
-        _apply(chain, j0[k], w[k], np.array([-ty[k], tx[k]]), f * float(offset[k]), float(R[k]))
+        _apply(f, j0[k], w[k], np.array([-ty[k], tx[k]]), float(lasting[k] * offset[k]), float(R[k]))
     for jj, ww, axis, z, variance in ends:
-        _apply(chain, jj, ww, axis, z, variance)
+        _apply(f, jj, ww, axis, z, variance)
     chain.touch()
-    delta = (chain.x[: 2 * K] - before).reshape(2, K).T
+    delta = f.nodes() - before
 
     def change(state: PastShape) -> PastShape:
         return replace(state, nodes=state.nodes + delta)
@@ -105,13 +106,12 @@ def absorb(chain: Chain, past: PastShape, correction: Correction) -> Callable[[P
     return change
 
 
-def _apply(chain: Chain, j0: int, w: FloatArray, axis: FloatArray, z: float, R: float) -> None:
+def _apply(f: ChainFilter, j0: int, w: FloatArray, axis: FloatArray, z: float, R: float) -> None:
     """One offset ``z`` along ``axis`` at a place; an innovation beyond three sigma is taken with less weight."""
-    index = np.concatenate([j0 + np.arange(4), chain.K + j0 + np.arange(4)]).astype(np.int64)
+    index = np.concatenate([j0 + np.arange(4), f.K + j0 + np.arange(4)]).astype(np.int64)
     h = np.concatenate([w * axis[0], w * axis[1]])
-    s = filter_kernels.row_variance(chain.P, index, h, 8) + R
-    nis = z * z / s
-    filter_kernels.update(chain.x, chain.P, index, h, 8, z, R * (1.0 + max(nis - 9.0, 0.0)), chain.scratch_row)
+    nis = z * z / (f.variance_of(index, h, 8) + R)
+    f.absorb(index, h, 8, z, R * (1.0 + max(nis - 9.0, 0.0)))
 
 
 def _end_rows(
@@ -136,9 +136,8 @@ def _end_rows(
         if lasting < _LEAST_LASTING:
             continue
         z = lasting * float((tip - then[k]) @ t_then[k])
-        j0, w, w1, _ = weights(u_ends[k : k + 1], chain.K)
-        local = np.stack([chain.x[j0[0] : j0[0] + 4], chain.x[chain.K + j0[0] : chain.K + j0[0] + 4]], axis=1)
-        t = w1[0] @ local
+        j0, w, w1, _ = weights(u_ends[k : k + 1], chain.filter.K)
+        t = w1[0] @ chain.filter.nodes()[j0[0] : j0[0] + 4]
         sigma = correction.sigma_tangent_px[0 if m == 0 else -1]
         rows.append((int(j0[0]), w[0], t / max(np.hypot(*t), 1e-9), z, float(sigma**2 + _TIP_SIGMA_PX**2)))
     return rows

@@ -1,4 +1,4 @@
-"""Which places of the sensor belong to which moving DLO: a coarse grid of bits, so that bystanders ignore its events."""
+"""Which places of the sensor belong to which moving DLO: a grid of bits, so that bystanders ignore its events."""
 
 from __future__ import annotations
 

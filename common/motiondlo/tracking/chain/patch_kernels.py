@@ -243,10 +243,10 @@ def find_direction(
     sum_d: F4,
     out: F8,
 ) -> None:
-    """Direction of motion (out[0] along a, out[1] along d) at the shift where signed events and gradients agree best.
+    """Direction of motion (out[0] along a, out[1] along d) at the shift where signed events fit the gradients best.
 
-    lean_a, lean_d: compressed gradients with a zero rim of ``pad``. Signed events summed over gradients give -M v with M
-    the structure tensor: good enough to choose among the tables.
+    lean_a, lean_d: compressed gradients with a zero rim of ``pad``. Signed events summed over gradients give -M v with
+    M the structure tensor: good enough to choose among the tables.
     """
     step = max(1, n // most)
     W = 2 * reach + 1

@@ -2,8 +2,8 @@
 
 A station's events lie on short lines along its normal; each is moved by normal velocity times age. An event says the
 sign of the brightness gradient at its place: ON while moving towards +n means brightness falls along n. ``table``
-(S, 2, J) holds the log-likelihood ratio of an event with a positive (0) or negative (1) gradient at offset bin j against
-a uniform background, in bins of 0.5 px, offset 0 in the middle.
+(S, 2, J) holds the log-likelihood ratio of an event with a positive (0) or negative (1) gradient at offset bin j
+against a uniform background, in bins of 0.5 px, offset 0 in the middle.
 """
 
 from __future__ import annotations

@@ -61,12 +61,9 @@ def profile_densities(
     d = (np.arange(2 * half_bins + 1) - half_bins) * 0.5
     columns = d / look.dn_px + centre
     steps = range(-half, half + 1)
-    profile = np.stack([_sample(look.strip, rows + k, columns) for k in steps]).mean(axis=0)
+    profile = np.asarray(np.stack([_sample(look.strip, rows + k, columns) for k in steps]).mean(axis=0), np.float64)
     known = np.stack([_sample(look.known.astype(np.float32), rows + k, columns) for k in steps]).mean(axis=(0, 2))
-    rises = np.stack(
-        [_at(profile, d, side * radius_px + 2.5) - _at(profile, d, side * radius_px - 2.5) for side in (-1.0, 1.0)],
-        axis=1,
-    )
+    rises = np.stack([_rise(profile, d, side * radius_px) for side in (-1.0, 1.0)], axis=1)
     gradient = np.gradient(gaussian_filter(profile, (0.0, 1.0), mode="nearest"), 0.5, axis=1)
     strength = np.sqrt(np.maximum(np.abs(gradient) - _MIN_GRADIENT, 0.0))
     total = strength.sum(axis=1)
@@ -78,9 +75,10 @@ def profile_densities(
     return np.where((known > 0.7)[:, None, None], mixed, unknown)
 
 
-def _at(profile: FloatArray, d: FloatArray, place: float) -> FloatArray:
-    """(S,) values of (S, J) profiles at one offset."""
-    return np.asarray([np.interp(place, d, row) for row in profile], dtype=np.float64)
+def _rise(profile: FloatArray, d: FloatArray, place: float) -> FloatArray:
+    """(S,) change of (S, J) profiles across an edge at one offset."""
+    across = [np.interp((place - 2.5, place + 2.5), d, row) for row in profile]
+    return np.asarray([after - before for before, after in across], dtype=np.float64)
 
 
 def seen_in_frame(

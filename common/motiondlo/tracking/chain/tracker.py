@@ -61,7 +61,7 @@ class ChainTracker:
         stored = perf_counter_ns()
         self._mark_movers()
         for k, chain in enumerate(self._chains.values()):
-            chain.look_around(self._grid, k % 32)
+            chain.stations.look_around(self._grid, k % 32)
             chain.step(self._surface.last_us, batch.t1_us, dt_ms)
         self._now_us = batch.t1_us
         stepped = perf_counter_ns()
@@ -91,7 +91,7 @@ class ChainTracker:
         if len(self._chains) < 2:
             return
         for k, chain in enumerate(self._chains.values()):
-            if chain.moves:
+            if chain.passes_others:
                 chain.mark(self._grid, k % 32)
                 self._marked = True
 

@@ -23,7 +23,9 @@ _THRESHOLD = 0.3
 Motion = Callable[[float], tuple[float, float]]
 
 
-def ramp(velocity_px_ms: tuple[float, float], start_ms: float = 5.0, rise_ms: float = 6.0, stop_ms: float = 1e9) -> Motion:
+def ramp(
+    velocity_px_ms: tuple[float, float], start_ms: float = 5.0, rise_ms: float = 6.0, stop_ms: float = 1e9
+) -> Motion:
     """Displacement over time: at rest until ``start_ms``, then smoothly up to a velocity, at rest from ``stop_ms``."""
 
     def way(t_ms: float) -> tuple[float, float]:

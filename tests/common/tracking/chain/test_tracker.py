@@ -261,9 +261,7 @@ def test_onset_of_a_real_sweep(shared_data) -> None:
     events = open_events(recording.events_path)
     tracker = ChainTracker(ChainParams(), events.geometry)
     ends = (EndKind.HELD, EndKind.BORDER)
-    tracker.correct(
-        Correction(1, 0, 0, CorrectionKind.REINITIALISE, nodes, sigma, 3 * sigma, diameter, ends, look)
-    )
+    tracker.correct(Correction(1, 0, 0, CorrectionKind.REINITIALISE, nodes, sigma, 3 * sigma, diameter, ends, look))
     errors = []
     for batch in events.batches(1000):
         update = tracker.update(batch)
@@ -272,5 +270,7 @@ def test_onset_of_a_real_sweep(shared_data) -> None:
         if batch.t1_us >= 310_000:
             k = batch.t1_us // 1000
             visible = truth["visibility"][0, k] == 0
-            errors.append(distance_to_curve(truth["nodes"][0, k][visible].astype(np.float64), update.tracks[0].nodes).mean())
+            errors.append(
+                distance_to_curve(truth["nodes"][0, k][visible].astype(np.float64), update.tracks[0].nodes).mean()
+            )
     assert np.mean(errors) / px_per_mm < 0.33
