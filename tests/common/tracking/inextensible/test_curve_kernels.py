@@ -86,7 +86,8 @@ def test_acceleration_field_moves_both_ends_alike() -> None:
     layout = make_layout(500.0, (EndKind.TIP, EndKind.TIP), PARAMS)
     _, _, jacobian = placed(fit_pose(layout, nodes), layout)
     s = layout.stations_s_px
-    field = np.unique(np.append(np.arange(0, len(s), 3), len(s) - 1))
+    every = max(1, round(24.0 / PARAMS.station_px))
+    field = np.unique(np.append(np.arange(0, len(s), every), len(s) - 1))
     r = np.sqrt(3.0) * np.abs(s[field][:, None] - s[field][None]) / 150.0
     precision = np.linalg.inv((1 + r) * np.exp(-r) + 1e-3 * np.eye(len(field)))
     out = np.zeros((jacobian.shape[2],) * 2)

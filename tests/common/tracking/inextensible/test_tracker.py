@@ -86,9 +86,9 @@ def test_events_stop_midway_and_the_dlo_rests(bar_scene, sweep_path) -> None:
 
 def test_a_covered_middle_goes_on_as_prediction(bar_scene, sweep_path) -> None:
     """COVERED: a plate over the middle third."""
-    scene = bar_scene(sweep_path((0.0, 1.5)), cover_px=(150.0, 240.0))
+    scene = bar_scene(sweep_path((0.0, 1.5)), cover_px=(140.0, 260.0))
     state = play(tracker_for(scene), scene, 60)
-    hidden = (state.nodes[:, 0] > 165.0) & (state.nodes[:, 0] < 225.0)
+    hidden = (state.nodes[:, 0] > 170.0) & (state.nodes[:, 0] < 230.0)
     assert distance_to_curve(state.nodes, scene.nodes(60.0)).max() < 4.0
     assert not state.visible[hidden].any()
     assert np.sqrt(state.cov_px2[hidden, 2]).min() > np.sqrt(state.cov_px2[~hidden, 2]).mean()
