@@ -145,18 +145,7 @@ class Chain:
         """No events are a measurement: of parts known to be visible, and of the whole."""
         f, stations = self.filter, self.stations
         stations.count_support(dt_ms)
-        filter_kernels.rest_normals(
-            f.x,
-            f.P,
-            f.K,
-            stations.j0,
-            stations.w,
-            stations.g,
-            stations.silent(),
-            _SILENT_SIGMA**2 / dt_ms,
-            False,
-            f.row,
-        )
+        stations.hold(f, stations.silent(), _SILENT_SIGMA**2 / dt_ms, both=False)
         silent = stations.all_silent()
         self._silent_ms = self._silent_ms + dt_ms if silent else 0.0
         if silent and speed >= _SLOW_PX_MS and self._silent_ms >= _STOP_MS:

@@ -101,16 +101,9 @@ class ChainFilter:
     def constrain(self, dt_ms: float) -> None:
         """Soft inextensibility, and a weak bending prior about the chain's own, slowly adapting shape."""
         p = self.params
-        filter_kernels.keep_length(
-            self.x,
-            self.P,
-            self.K,
-            self._length_j0,
-            self._length_w1,
-            self.span_px,
-            p.length_sigma_px**2 / dt_ms,
-            self.row,
-        )
+        x, P, K, row = self.x, self.P, self.K, self.row
+        R = p.length_sigma_px**2 / dt_ms
+        filter_kernels.keep_length(x, P, K, self._length_j0, self._length_w1, self.span_px, R, row)
         filter_kernels.keep_shape(self.x, self.P, self.K, self._own_shape, p.bend_sigma_px**2 / dt_ms, self.row)
         filter_kernels.bends(self.x, self.K, self._shape)
         self._own_shape += (1.0 - (1.0 - p.bend_memory) ** dt_ms) * (self._shape - self._own_shape)

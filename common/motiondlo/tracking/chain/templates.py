@@ -61,7 +61,7 @@ def profile_densities(
     d = (np.arange(2 * half_bins + 1) - half_bins) * 0.5
     columns = d / look.dn_px + centre
     steps = range(-half, half + 1)
-    profile = np.asarray(np.stack([_sample(look.strip, rows + k, columns) for k in steps]).mean(axis=0), np.float64)
+    profile: FloatArray = np.mean([_sample(look.strip, rows + k, columns) for k in steps], axis=0, dtype=np.float64)
     known = np.stack([_sample(look.known.astype(np.float32), rows + k, columns) for k in steps]).mean(axis=(0, 2))
     rises = np.stack([_rise(profile, d, side * radius_px) for side in (-1.0, 1.0)], axis=1)
     gradient = np.gradient(gaussian_filter(profile, (0.0, 1.0), mode="nearest"), 0.5, axis=1)
