@@ -114,7 +114,7 @@ class InextensibleParams(BaseModel):
         3.0, ge=0.0, le=20.0, description="how far it goes on beyond its last silhouettes"
     )
     presence_rate: float = Field(0.02, ge=0.0, le=1.0, description="learning of how far a held DLO is seen")
-    presence_share: float = Field(0.4, ge=0.05, le=1.0, description="share of a silhouette's events that is presence")
+    presence_share: float = Field(0.5, ge=0.05, le=1.0, description="share of a silhouette's events that is presence")
 
     # late corrections
     correction_fade_ms: float = Field(10.0, ge=0.1, le=10000.0, description="measured this long, an old error is gone")
