@@ -25,11 +25,11 @@ class ChainParams(BaseModel):
 
     # events
     latency_us: float = Field(90.0, ge=0.0, le=1000.0, description="delay from contrast change to event time")
-    window_px: float = Field(3.0, ge=1.0, le=12.0, description="motion during which events are gathered")
+    window_px: float = Field(2.5, ge=1.0, le=12.0, description="motion during which events are gathered")
     window_min_ms: float = Field(1.0, ge=0.3, le=5.0, description="shortest window of events")
     window_max_ms: float = Field(8.0, ge=2.0, le=30.0, description="longest window of events")
     window_accel_px: float = Field(3.0, ge=0.5, le=20.0, description="window <= sqrt(this / normal acceleration)")
-    target_events: int = Field(40, ge=10, le=400, description="newest events of a station that are used")
+    target_events: int = Field(32, ge=10, le=400, description="newest events of a station that are used")
     wake_events: int = Field(10, ge=1, le=1000, description="events about a resting DLO in 4 ms that wake it")
     min_events: int = Field(8, ge=3, le=100, description="fewest events for a station to say anything")
     band_px: float = Field(7.0, ge=3.0, le=20.0, description="least half width of the search about the prediction")

@@ -58,7 +58,7 @@ def profile_densities(
     rows = (s_px - look.s0_px) / look.ds_px
     half = max(1, round(0.5 * along_px / look.ds_px))
     centre = (look.strip.shape[1] - 1) / 2.0
-    d = (np.arange(2 * half_bins + 1) - half_bins) * 0.5
+    d: FloatArray = (np.arange(2 * half_bins + 1, dtype=np.float64) - half_bins) * 0.5
     columns = d / look.dn_px + centre
     steps = range(-half, half + 1)
     profile: FloatArray = np.mean([_sample(look.strip, rows + k, columns) for k in steps], axis=0, dtype=np.float64)
