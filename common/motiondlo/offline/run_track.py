@@ -58,9 +58,16 @@ class TrackRun:
             for what, found in counts.items()
             if found
         ]
+        if profile_used(self.options) != self.options.profile:
+            lines.append("without frames the paper's tracker is used: the default one begins with a frame's shape")
         if self.loop.failures:
             lines.append(f"segmentations that failed: {len(self.loop.failures)}, the last: {self.loop.failures[-1]}")
         return lines
+
+
+def profile_used(options: TrackOptions) -> str:
+    """The tracker's profile: without frames it is the paper's, which finds its DLO in the events by itself."""
+    return "paper" if options.mode is TrackMode.EVENT else options.profile
 
 
 def prepare(recording: Recording, options: TrackOptions) -> TrackRun:
@@ -76,7 +83,7 @@ def prepare(recording: Recording, options: TrackOptions) -> TrackRun:
     tracker: EventTracker = (
         FrameHoldTracker()
         if options.mode is TrackMode.FRAME
-        else make_tracker(options.profile, options.tracker, events.geometry, timed=options.timed)
+        else make_tracker(profile_used(options), options.tracker, events.geometry, timed=options.timed)
     )
     end_us = recording.frames[-1].t_us if recording.frames else 0
     return TrackRun(recording, events, HybridLoop(tracker, fusion, branch), options, end_us)
