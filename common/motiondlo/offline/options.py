@@ -18,7 +18,7 @@ class TrackMode(StrEnum):
 
     HYBRID = "hybrid"
     EVENT = "event"
-    """No frames: the paper's tracker, which finds its DLO in the events (the default one begins with a frame's shape)."""
+    """No frames: the paper's tracker, which finds its DLO in the events; the default one begins with a frame."""
     FRAME = "frame"
     """Shapes from frames only, held in between."""
 
