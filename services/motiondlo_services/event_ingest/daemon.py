@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterator
+from itertools import islice
 
 from motiondlo.bus.session import Bus
 from motiondlo.errors import ConfigError
@@ -21,6 +22,7 @@ from motiondlo_services.runtime.shell import Shell, run_daemon
 WAIT_S = 0.05
 GRACE_S = 0.2
 """After the tracker has its first DLOs: time for the bus to connect the rest."""
+WARM_UP_BATCHES = 20
 CLOCK_PERIOD_NS = 500_000_000
 LATE_NS = 20_000_000
 """When sending is this far behind, what is due is taken in first, so that the core can drop the oldest."""
@@ -34,6 +36,7 @@ def serve(shell: Shell, bus: Bus) -> None:
     if recording is None:
         raise ConfigError(f"{shell.config_path}: [replay] recording is empty.", "Name the recording to play.")
     events = open_events(recording.events_path, shell.cell.geometry)
+    _compile_kernels(open_events(recording.events_path, shell.cell.geometry), config.batch_us)
     player = _Player(shell, bus, events, config)
     shell.ready()
 
@@ -116,6 +119,12 @@ class _Player:
                 sigma_us=clock.uncertainty_us,
             )
         )
+
+
+def _compile_kernels(events: EventFile, batch_us: int) -> None:
+    """Decode and cut a little of the file, so that nothing is compiled while it is played."""
+    for _ in islice(events.batches(batch_us), WARM_UP_BATCHES):
+        pass
 
 
 def _resume_us(bus: Bus) -> int:
