@@ -74,21 +74,34 @@ def collect_station(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def score_shifts(d, sign, count, llr, reach_bins, pad, flip, scores):  # type: ignore[no-untyped-def]
-    """Log-likelihood of shifts -reach_bins .. reach_bins (half pixels) of a profile, given events at offsets d.
+def bin_events(d, sign, count, histogram):  # type: ignore[no-untyped-def]
+    """Count events at offsets d by sign and half pixel. histogram: (2, L) float32, its middle at d = 0."""
+    histogram[:, :] = 0.0
+    last = histogram.shape[1] - 1
+    middle = 0.5 * last + 0.5
+    for k in range(count):
+        b = int(d[k] * BINS_PER_PX + middle)
+        if 0 <= b <= last:
+            histogram[sign[k], b] += np.float32(1.0)
 
-    llr: (2, bins + 2 pad) padded with its value for no known edge; scores: (2 reach_bins + 1,).
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def score_shifts(histogram, reversed_llr, reach_bins, flip, scores):  # type: ignore[no-untyped-def]
+    """Log-likelihood of shifts -reach_bins .. reach_bins (half pixels) of a profile, given binned events.
+
+    histogram: (2, L); reversed_llr: (2, L + 2 reach_bins) padded with its value for no known edge, the last bin first,
+    so that both are read forward; flip exchanges the signs; scores: (2 reach_bins + 1,).
     """
     width = 2 * reach_bins + 1
+    last = histogram.shape[1] - 1
     scores[:width] = 0.0
-    middle = 0.5 * (llr.shape[1] - 1)
-    for k in range(count):
-        row = 1 - sign[k] if flip else sign[k]
-        base = int(d[k] * BINS_PER_PX + middle + 0.5) + reach_bins
-        if base - width + 1 < 0 or base >= llr.shape[1]:
-            continue
-        for s in range(width):
-            scores[s] += llr[row, base - s]
+    for g in range(2):
+        row = 1 - g if flip else g
+        for b in range(last + 1):
+            weight = histogram[g, b]
+            if weight > 0.0:
+                for s in range(width):
+                    scores[s] += weight * reversed_llr[row, last - b + s]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
@@ -131,8 +144,8 @@ def observe_stations(  # type: ignore[no-untyped-def]
     for i in range(m):
         band_max = max(band_max, band_px[i])
     reach_max = int(band_max * BINS_PER_PX)
-    pad = 2 * reach_max + 4
-    padded = np.zeros((2, bins + 2 * pad), np.float32)
+    histogram = np.empty((2, bins + 2 * reach_max), np.float32)
+    padded = np.empty((2, bins + 4 * reach_max), np.float32)
     scores = np.zeros(2 * reach_max + 1, np.float32)
     flipped = np.zeros(2 * reach_max + 1, np.float32)
     d_buf = np.empty(EVENT_CAPACITY, np.float32)
@@ -178,13 +191,16 @@ def observe_stations(  # type: ignore[no-untyped-def]
         if used < n_min:
             continue
         age[i] = age_sum / used
+        binned = histogram[:, : bins + 2 * reach_bins]
+        bin_events(d_buf, sign_buf, used, binned)
+        pad = 2 * reach_bins
         for g in range(2):
-            for b in range(bins):
-                padded[g, pad + b] = llr[i, g, b]
             for b in range(pad):
                 padded[g, b] = outside
                 padded[g, pad + bins + b] = outside
-        score_shifts(d_buf, sign_buf, used, padded, reach_bins, pad, False, scores)
+            for b in range(bins):
+                padded[g, pad + b] = llr[i, g, bins - 1 - b]
+        score_shifts(binned, padded, reach_bins, False, scores)
         best = np.float32(-1e9)
         at = 0
         soft = np.float32(1.0 / (band_px[i] * BINS_PER_PX))
@@ -196,7 +212,7 @@ def observe_stations(  # type: ignore[no-untyped-def]
                 at = k
         chosen = scores
         if abs(vn[i]) < max(v_ambiguous, 2.0 * sv[i]):
-            score_shifts(d_buf, sign_buf, used, padded, reach_bins, pad, True, flipped)
+            score_shifts(binned, padded, reach_bins, True, flipped)
             for k in range(2 * reach_bins + 1):
                 u = (k - reach_bins) * soft
                 value = flipped[k] - np.float32(2.0) * u * u

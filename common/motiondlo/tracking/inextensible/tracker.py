@@ -80,8 +80,9 @@ class InextensibleTracker:
             for dlo in self._dlos.values()
             if dlo.stirred(int(self._counts[dlo.id % MASK_BITS]), span_ms) or not dlo.asleep
         ]
-        # Events older than the prediction can bridge are worth little: long batches are taken in steps.
-        steps = 1 if span_ms > GAP_MS or not awake else max(1, math.ceil(span_ms / self.params.step_max_ms - 1e-6))
+        # Events older than the prediction can bridge are worth little: batches are taken in steps, longer under load.
+        step_ms = self.params.step_ms if span_ms <= self.params.merged_ms else self.params.step_max_ms
+        steps = 1 if span_ms > GAP_MS or not awake else max(1, math.ceil(span_ms / step_ms - 1e-6))
         edges_us = np.linspace(since_us, batch.t1_us, steps + 1).astype(np.int64)
         cuts = [0, *np.searchsorted(events["t"], edges_us[1:-1]).tolist(), len(events)]
         surface_ns = 0

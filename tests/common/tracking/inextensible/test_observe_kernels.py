@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from motiondlo.tracking.inextensible.observe_kernels import (
+    bin_events,
     collect_station,
     learn_profiles,
     observe_stations,
@@ -110,19 +111,24 @@ def test_dense_events_are_not_all_read(bar_scene, sweep_path) -> None:
     assert enough < 0.5 * everything
 
 
-def test_scores_equal_a_plain_sum() -> None:
+@pytest.mark.parametrize("flip", [False, True])
+def test_scores_equal_a_plain_sum(flip: bool) -> None:
     rng = np.random.default_rng(2)
-    pad, reach, bins = 20, 8, 41
-    llr = np.zeros((2, bins + 2 * pad), np.float32)
-    llr[:, pad:-pad] = rng.normal(size=(2, bins))
-    d = rng.uniform(-8.0, 8.0, 50).astype(np.float32)
+    reach, bins = 8, 41
+    llr = np.zeros((2, bins + 4 * reach), np.float32)
+    llr[:, 2 * reach : -2 * reach] = rng.normal(size=(2, bins))
+    d = rng.uniform(-14.0, 14.0, 50).astype(np.float32)
+    d[:2] = -90.0, 90.0  # beyond what any shift reaches
     sign = rng.integers(0, 2, 50).astype(np.uint8)
+    histogram = np.zeros((2, bins + 2 * reach), np.float32)
+    bin_events(d, sign, 50, histogram)
+    assert histogram.sum() == 48
     scores = np.zeros(2 * reach + 1, np.float32)
-    score_shifts(d, sign, 50, llr, reach, pad, False, scores)
+    score_shifts(histogram, np.ascontiguousarray(llr[:, ::-1]), reach, flip, scores)
     middle = 0.5 * (llr.shape[1] - 1)
     for s in (-8, -1, 0, 5, 8):
-        at = (d * 2 + middle + 0.5).astype(int) - s
-        assert scores[s + reach] == pytest.approx(llr[sign, at].sum(), abs=1e-3)
+        at = (d[2:] * 2 + middle + 0.5).astype(int) - s
+        assert scores[s + reach] == pytest.approx(llr[1 - sign[2:] if flip else sign[2:], at].sum(), abs=1e-3)
 
 
 def test_profile_learns_an_edge_that_the_frame_did_not_show(bar_scene, sweep_path) -> None:
