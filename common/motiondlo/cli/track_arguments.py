@@ -24,9 +24,9 @@ def add_loop_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--update-us",
         type=_update_us,
-        default=1000,
+        default=2000,
         metavar="N",
-        help="batch period in microseconds (default 1000)",
+        help="batch period in microseconds (default 2000)",
     )
     parser.add_argument(
         "--segmenter-latency-ms",

@@ -29,7 +29,7 @@ class TrackOptions:
 
     profile: str = "default"
     mode: TrackMode = TrackMode.HYBRID
-    update_us: int = 1000
+    update_us: int = 2000
     """Batch period: one estimate of every DLO per batch."""
     segmenter_latency_ms: float = 1000.0
     """How long after its request a segmentation is used, event time."""

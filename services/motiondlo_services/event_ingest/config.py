@@ -11,7 +11,7 @@ class EventIngestConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
     batch_us: int = Field(
-        default=1000, ge=200, le=20_000, description="length of a batch in event time; the tracker updates once a batch"
+        default=2000, ge=200, le=20_000, description="length of a batch in event time; the tracker updates once a batch"
     )
     max_backlog: int = Field(
         default=50, ge=1, le=10_000, description="batches that may wait to be sent; beyond it the oldest are dropped"

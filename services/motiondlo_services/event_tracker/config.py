@@ -17,6 +17,6 @@ class EventTrackerConfig(BaseModel):
         default_factory=dict, description="parameters of the profile that this cell changes"
     )
     patience: int = Field(
-        default=4, ge=1, le=1000, description="so many waiting batches are still taken one by one; more are merged"
+        default=2, ge=1, le=1000, description="so many waiting batches are still taken one by one; more are merged"
     )
     most_merged: int = Field(default=4, ge=1, le=100, description="one update takes no more waiting batches than this")

@@ -89,7 +89,7 @@ def test_a_homography_that_cannot_be_used_fails_before_the_start(
 def test_the_event_branch_alone_needs_no_homography(recording: Path, tmp_path: Path) -> None:
     (recording / "homography" / "rgb_to_event_H.npy").unlink()
     assert track(recording, tmp_path / "t.npz", "--mode", "event") == 0
-    assert len(load_tracks(tmp_path / "t.npz")) > 20, "the moving DLO was found in the events alone"
+    assert len(load_tracks(tmp_path / "t.npz")) >= 10, "the moving DLO was found in the events alone"
 
 
 @pytest.mark.parametrize(

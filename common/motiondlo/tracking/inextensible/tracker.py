@@ -34,6 +34,7 @@ class InextensibleTracker:
         self._timed = timed
         shape = ((geometry.height_px >> TILE_SHIFT) + 1, (geometry.width_px >> TILE_SHIFT) + 1)
         self._tiles = np.zeros(shape, np.uint32)
+        self._hits = np.zeros(shape, np.int32)
         self._tiles_stale = True
         self._counts = np.zeros(MASK_BITS, np.int64)
 
@@ -131,7 +132,7 @@ class InextensibleTracker:
                     self.geometry.height_px, self._tiles,
                 )  # fmt: skip
             self._tiles_stale = False
-        count_near(batch.events["x"], batch.events["y"], self._tiles, self._counts)
+        count_near(batch.events["x"], batch.events["y"], self._tiles, self._hits, self._counts)
 
     def _apply_due(self, now_us: int) -> None:
         for correction in self._gate.due(now_us):
