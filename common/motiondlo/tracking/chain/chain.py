@@ -66,7 +66,8 @@ class Chain:
             self._texture_at = weights(layout.u(self.texture.s_px), layout.K)
             self.texture_shifts = np.full(len(self.texture.s_px), np.nan)
         self.texture_used = 0
-        self._report = Report(params.output_nodes, layout.K, params.bias_sigma * self.diameter_px)
+        bias = params.bias_sigma * self.diameter_px
+        self._report = Report(params.output_nodes, layout.K, bias, params.bias_along_sigma * self.diameter_px)
         self._set_extent()
         self.stations.start(self.filter)
         self.judgement = Judgement()
@@ -131,6 +132,8 @@ class Chain:
             end.measure(f, last, t_us, dt_ms, self._centre, self._scratch)
         if self.texture is not None:
             self._measure_texture(self.texture, last, t_us, dt_ms)
+        if self.moving and self.texture_used == 0 and not any(end.measured for end in self.ends):
+            f.slide(self.params.slide_share * speed * dt_ms, dt_ms)
         self._renew_covers()
         f.constrain(dt_ms)
         if not f.keep_sound():

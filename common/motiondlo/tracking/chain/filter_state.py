@@ -19,6 +19,7 @@ EXTRAS_PER_END = 3
 _LONGEST_STEP_MS = 5.0
 _FULL_NOISE_PX_MS = 5.0
 _MOST_BOOST = 30.0
+_SLIDE_MS = 4.0
 _MOST_VELOCITY_VARIANCE = 9.0
 
 
@@ -107,6 +108,16 @@ class ChainFilter:
         filter_kernels.keep_shape(self.x, self.P, self.K, self._own_shape, p.bend_sigma_px**2 / dt_ms, self.row)
         filter_kernels.bends(self.x, self.K, self._shape)
         self._own_shape += (1.0 - (1.0 - p.bend_memory) ** dt_ms) * (self._shape - self._own_shape)
+
+    def slide(self, way_px: float, dt_ms: float) -> None:
+        """Nothing measured the place along the DLO: all nodes may have slid by ``way_px`` along their own tangents.
+
+        Errors of one update last for some: their sum over a millisecond or so counts, not that of their squares.
+        """
+        K = self.K
+        x, y = np.gradient(self.x[:K]), np.gradient(self.x[K : 2 * K])
+        mode = np.concatenate([x, y]) * (way_px / self.span_px)
+        self.P[: 2 * K, : 2 * K] += np.multiply.outer(mode, mode) * max(1.0, _SLIDE_MS / dt_ms)
 
     def stop(self, back_ms: float) -> None:
         """At rest from now on, where the chain was ``back_ms`` ago."""

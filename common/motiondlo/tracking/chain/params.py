@@ -67,4 +67,6 @@ class ChainParams(BaseModel):
     texture_sigma_px: float = Field(1.5, ge=0.1, le=10.0, description="white noise of a mark's place along the DLO")
 
     # uncertainty
-    bias_sigma: float = Field(0.022, ge=0.0, le=0.5, description="correlated profile bias, share of the diameter")
+    bias_sigma: float = Field(0.02, ge=0.0, le=0.5, description="correlated profile bias, share of the diameter")
+    bias_along_sigma: float = Field(0.07, ge=0.0, le=2.0, description="bias of ends and marks, share of the diameter")
+    slide_share: float = Field(0.05, ge=0.0, le=1.0, description="slip along itself, unmeasured, share of the way")

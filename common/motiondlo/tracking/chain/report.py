@@ -24,10 +24,12 @@ _UNSEEN_SIGMA_PX = 50.0
 class Report:
     """Output nodes at equal distances between two material coordinates."""
 
-    def __init__(self, count: int, nodes: int, bias_px: float) -> None:
+    def __init__(self, count: int, nodes: int, bias_px: float, bias_along_px: float) -> None:
+        """bias_px, bias_along_px: what all places have in common and the filter does not know, across and along."""
         self._count = count
         self._nodes = nodes
         self._bias_px = bias_px
+        self._along_px2 = max(bias_along_px**2 - bias_px**2, 0.0)
         self._g = np.zeros((count, 10))
         self._cov = np.zeros((count, 3))
         self.set_extent(0.0, nodes - 3.0)
@@ -38,13 +40,15 @@ class Report:
         self._places = weights(self.u, self._nodes)
 
     def take(self, f: ChainFilter) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Nodes (M, 2) px, velocities (M, 2) px/s, covariances (M, 3) px^2 with the profiles' common bias."""
+        """Nodes (M, 2) px, velocities (M, 2) px/s, covariances (M, 3) px^2 with the common bias."""
         j0, w, w1, w2 = self._places
         filter_kernels.place(f.x, f.K, j0, w, w1, w2, self._g)
         filter_kernels.place_covariance(f.P, f.K, j0, w, self._cov, False)
         cov = self._cov.copy()
         cov[:, 0] += self._bias_px**2
         cov[:, 2] += self._bias_px**2
+        tx, ty = self._g[:, 2], self._g[:, 3]
+        cov += self._along_px2 * np.stack([tx * tx, tx * ty, ty * ty], axis=1)
         return self._g[:, :2].copy(), self._g[:, 4:6] * 1e3, cov
 
 
