@@ -26,6 +26,15 @@ def shortest_window(ages, target, window_min_ms, window_ms):  # type: ignore[no-
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
+def clip_row(first, last, slope, at, lo, hi):  # type: ignore[no-untyped-def]
+    """The part of ``first .. last`` in which ``lo <= slope * x + at <= hi``, a pixel wider: (first, last)."""
+    if abs(slope) < 1e-3:
+        return first, last
+    u, v = (lo - at) / slope, (hi - at) / slope
+    return max(first, int(np.floor(max(min(u, v), -1e6))) - 1), min(last, int(np.ceil(min(max(u, v), 1e6))) + 1)
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
 def collect_patch(  # type: ignore[no-untyped-def]
     surface,
     t_us,
@@ -64,10 +73,20 @@ def collect_patch(  # type: ignore[no-untyped-def]
     cx, cy = ox + mid_a * ex - 0.5 * vx * window_ms, oy + mid_a * ey - 0.5 * vy * window_ms
     margin_x = half_a * abs(ex) + b_max * abs(ey) + 0.5 * travel + 2.0
     margin_y = half_a * abs(ey) + b_max * abs(ex) + 0.5 * travel + 2.0
+    # Of every row only what may lie in the patch after its motion is looked at.
+    oldest = window_ms + latency_ms
+    reach = margin_x + margin_y + abs(cx - ox) + abs(cy - oy)
+    slack = abs(omega) * reach * oldest
+    v_a, v_b = (ex * vx + ey * vy) * oldest, (-ey * vx + ex * vy) * oldest
+    lo_a, hi_a = a_min - max(v_a, 0.0) - slack, a_max - min(v_a, 0.0) + slack
+    lo_b, hi_b = -b_max - max(v_b, 0.0) - slack, b_max - min(v_b, 0.0) + slack
     count = 0
     ages = np.zeros(64, np.int64)
     for y in range(max(0, int(cy - margin_y)), min(height - 1, int(cy + margin_y)) + 1):
-        for x in range(max(0, int(cx - margin_x)), min(width - 1, int(cx + margin_x)) + 1):
+        first, last = max(0, int(cx - margin_x)), min(width - 1, int(cx + margin_x))
+        first, last = clip_row(first, last, ex, ey * (y - oy) - ex * ox, lo_a, hi_a)
+        first, last = clip_row(first, last, -ey, ex * (y - oy) + ey * ox, lo_b, hi_b)
+        for x in range(first, last + 1):
             for p in range(2):
                 ts = surface[p, y, x]
                 if ts > t_min:
@@ -115,22 +134,52 @@ def patch_score(log_template, a, b, count, step, a_min, b_max, da, db, phi):  # 
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
+def straight_score(padded, cells, count, shift):  # type: ignore[no-untyped-def]
+    """:func:`patch_score` without turning: the mean of ``padded`` (flat) at cells (count,) less ``shift``."""
+    total = 0.0
+    for i in range(count):
+        total += padded[cells[i] - shift]
+    return total / max(count, 1)
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def pad_template(log_template, margin):  # type: ignore[no-untyped-def]
+    """The template, flat, with ``margin`` cells of zeros around it. Returns it and the length of its rows."""
+    rows, columns = log_template.shape
+    stride = columns + 2 * margin
+    padded = np.zeros((rows + 2 * margin, stride), np.float32)
+    padded[margin : margin + rows, margin : margin + columns] = log_template
+    return padded.reshape(-1), stride
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
 def match_patch(log_template, a, b, count, a_min, b_max, reach, events, out):  # type: ignore[no-untyped-def]
     """Where the patch is: coarse search over +-reach px, then fine, then the angle.
 
     out (7,): da, db, phi, score, and the curvatures (negative second differences) of the score in a, b, phi.
     """
     step = max(1, count // events)
+    rows, columns = log_template.shape
+    # Whole pixels of shift move whole cells: the cells of all events are found once.
+    margin = 2 * (reach + 4)
+    padded, stride = pad_template(log_template, margin)
+    cells = np.empty(count, np.int64)
+    used = 0
+    for i in range(0, count, step):
+        ia = min(max(int(np.floor(a[i] - a_min)) + margin // 2, 0), rows - 1 + margin)
+        ib = min(max(int(np.floor(b[i] + b_max)) + margin // 2, 0), columns - 1 + margin)
+        cells[used] = (ia + margin // 2) * stride + ib + margin // 2
+        used += 1
     best, ba, bb = -1e9, 0, 0
     for i in range(-reach, reach + 1, 2):
         for j in range(-reach, reach + 1, 2):
-            value = patch_score(log_template, a, b, count, step, a_min, b_max, i, j, 0.0)
+            value = straight_score(padded, cells, used, i * stride + j)
             if value > best:
                 best, ba, bb = value, i, j
     ca, cb = ba, bb
     for i in range(ca - 1, ca + 2):
         for j in range(cb - 1, cb + 2):
-            value = patch_score(log_template, a, b, count, step, a_min, b_max, i, j, 0.0)
+            value = straight_score(padded, cells, used, i * stride + j)
             if value > best:
                 best, ba, bb = value, i, j
     phi_step = 0.015
@@ -191,10 +240,19 @@ def collect_tip(  # type: ignore[no-untyped-def]
     cx, cy = px - 0.5 * vx * window_ms, py - 0.5 * vy * window_ms
     margin_x = reach * abs(ex) + half_width_px * abs(ey) + 0.5 * abs(vx) * window_ms + 2.0
     margin_y = reach * abs(ey) + half_width_px * abs(ex) + 0.5 * abs(vy) * window_ms + 2.0
+    oldest = window_ms + latency_ms
+    v_a, v_b = (ex * vx + ey * vy) * oldest, (-ey * vx + ex * vy) * oldest
     count = 0
     ages = 0.0
     for y in range(max(0, int(cy - margin_y)), min(height - 1, int(cy + margin_y)) + 1):
-        for x in range(max(0, int(cx - margin_x)), min(width - 1, int(cx + margin_x)) + 1):
+        first, last = max(0, int(cx - margin_x)), min(width - 1, int(cx + margin_x))
+        first, last = clip_row(
+            first, last, ex, ey * (y - py) - ex * px, -reach - 1.0 - max(v_a, 0.0), reach + 1.0 - min(v_a, 0.0)
+        )
+        first, last = clip_row(
+            first, last, -ey, ex * (y - py) + ey * px, -half_width_px - max(v_b, 0.0), half_width_px - min(v_b, 0.0)
+        )
+        for x in range(first, last + 1):
             for p in range(2):
                 ts = surface[p, y, x]
                 if ts > t_min:
@@ -217,16 +275,24 @@ def match_tip(histogram, profile, reach, out):  # type: ignore[no-untyped-def]
     histogram, profile: (n,). out (2,): shift px, sigma px (0: none).
     """
     n = histogram.shape[0]
+    total = 0.0
+    for i in range(n):
+        total += histogram[i]
+    # The profile goes on beyond its ends as it ends.
+    level = np.empty(n + 2 * reach)
+    logs = np.empty(n + 2 * reach)
+    for i in range(n + 2 * reach):
+        level[i] = profile[min(max(i - reach, 0), n - 1)]
+        logs[i] = np.log(level[i])
     best, best_shift = -1e18, 0
     scores = np.empty(2 * reach + 1)
     for shift in range(-reach, reach + 1):
         value = 0.0
         norm = 0.0
         for i in range(n):
-            norm += profile[min(max(i - shift, 0), n - 1)]
-        for i in range(n):
-            if histogram[i] > 0.0:
-                value += histogram[i] * np.log(profile[min(max(i - shift, 0), n - 1)] / norm)
+            norm += level[i - shift + reach]
+            value += histogram[i] * logs[i - shift + reach]
+        value -= total * np.log(norm)
         scores[shift + reach] = value
         if value > best:
             best, best_shift = value, shift

@@ -106,3 +106,31 @@ def test_tip_events_are_moved_with_the_tip() -> None:
     assert n == 1
     assert histogram[40 - 4] == 1.0
     assert age == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("angle_rad", [0.0, 0.6, 1.57, -2.4])
+def test_no_event_of_a_turned_and_moving_end_is_left_out(angle_rad: float) -> None:
+    """Only a part of every row is looked at: it holds all that a search of the whole surface finds."""
+    rng = np.random.default_rng(4)
+    surface = rng.integers(-20_000, 10_000, (2, 240, 240))
+    ex, ey = np.cos(angle_rad), np.sin(angle_rad)
+    (vx, vy), omega, ox, oy, latency = (2.0, -1.5), 0.01, 120.4, 118.7, 0.1
+    p, y, x = np.nonzero(surface > 6_000)
+    age = (10_000 - surface[p, y, x]) * 1e-3 + latency
+    rx, ry = x - ox, y - oy
+    dx, dy = rx + (vx - omega * ry) * age, ry + (vy + omega * rx) * age
+    a, b = ex * dx + ey * dy, -ey * dx + ex * dy
+    within = (a >= A_MIN) & (a < 60.0) & (np.abs(b) < B_MAX) & ~((a < 0.0) & (np.abs(b) < 12.0))
+    buffers = [np.zeros(8000, np.float32) for _ in range(3)]
+    n, *_ = collect_patch(
+        surface, 10_000, ox, oy, ex, ey, vx, vy, omega, 1.0, 4.0, 10**6, latency, A_MIN, 60.0, B_MAX, 12.0, *buffers
+    )
+    assert n == within.sum()
+    np.testing.assert_allclose(np.sort(buffers[0][:n]), np.sort(a[within]), atol=1e-4)
+    dx, dy = rx + vx * age, ry + vy * age
+    along, across = ex * dx + ey * dy, -ey * dx + ex * dy
+    histogram = np.zeros(81)
+    n, _ = collect_tip(surface, 10_000, ox, oy, ex, ey, vx, vy, 4.0, latency, 10.0, histogram)
+    want = np.bincount(np.floor(along[(np.abs(across) <= 10.0) & (np.abs(along) < 60.0)] + 60.5).astype(int))
+    np.testing.assert_array_equal(histogram, want[20:101])
+    assert n == histogram.sum()
