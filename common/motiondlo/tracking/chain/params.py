@@ -13,6 +13,10 @@ class ChainParams(BaseModel):
     output_nodes: int = Field(50, ge=5, le=500, description="equidistant nodes of every reported chain")
     history_ms: int = Field(3500, ge=3000, le=30000, description="own states kept for late corrections")
 
+    # steps
+    step_ms: float = Field(1.0, ge=0.2, le=10.0, description="longer batches are worked off in steps of about this")
+    most_steps: int = Field(8, ge=1, le=100, description="most steps of one batch; a longer one has longer steps")
+
     # chain
     knot_px: float = Field(48.0, ge=16.0, le=160.0, description="distance of the filter's control nodes along the arc")
     station_px: float = Field(24.0, ge=8.0, le=80.0, description="distance of the places where events are searched")

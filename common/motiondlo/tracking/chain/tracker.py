@@ -52,17 +52,21 @@ class ChainTracker:
         """Advance to ``batch.t1_us``. A gap before the batch is bridged by prediction."""
         start = perf_counter_ns()
         before_us = self._now_us if self._now_us >= 0 else batch.t0_us
-        dt_ms = max((batch.t1_us - before_us) * 1e-3, 1e-3)
         self._apply_due(batch.t1_us)
         e = batch.events
+        steps = self._steps(batch)
+        ends = np.searchsorted(e["t"], steps) if len(steps) > 1 else np.array([len(e)])
+        surface_ns = 0
+        first = 0
+        for end_us, last in zip(steps, ends, strict=True):
+            began = perf_counter_ns()
+            if last > first:
+                self._surface.update(e[first:last])
+            surface_ns += perf_counter_ns() - began
+            self._step(end_us, max((end_us - before_us) * 1e-3, 1e-3))
+            before_us, first = end_us, last
         if len(e):
-            self._surface.update(e)
             self._newest_us = int(e["t"][-1])
-        stored = perf_counter_ns()
-        self._mark_movers()
-        for k, chain in enumerate(self._chains.values()):
-            chain.stations.look_around(self._grid, k % 32)
-            chain.step(self._surface.last_us, batch.t1_us, dt_ms)
         self._now_us = batch.t1_us
         stepped = perf_counter_ns()
         tracks = []
@@ -73,7 +77,7 @@ class ChainTracker:
         stages: dict[str, int] = {}
         if self._timed:
             done = perf_counter_ns()
-            stages = {"surface": stored - start, "filter": stepped - stored, "report": done - stepped}
+            stages = {"surface": surface_ns, "filter": stepped - start - surface_ns, "report": done - stepped}
         return TrackUpdate(
             t_us=batch.t1_us,
             t_events_us=self._newest_us,
@@ -83,6 +87,18 @@ class ChainTracker:
             stages_ns=stages,
             rejects=self._gate.rejects.as_dict(),
         )
+
+    def _steps(self, batch: EventBatch) -> list[int]:
+        """Ends of the steps in which a batch is worked off: fast motion needs short ones, merged batches are long."""
+        span_us = batch.t1_us - batch.t0_us
+        count = int(np.clip(round(span_us / (1000.0 * self.params.step_ms)), 1, self.params.most_steps))
+        return [batch.t0_us + span_us * (k + 1) // count for k in range(count)]
+
+    def _step(self, t_us: int, dt_ms: float) -> None:
+        self._mark_movers()
+        for k, chain in enumerate(self._chains.values()):
+            chain.stations.look_around(self._grid, k % 32)
+            chain.step(self._surface.last_us, t_us, dt_ms)
 
     def _mark_movers(self) -> None:
         if self._marked:
