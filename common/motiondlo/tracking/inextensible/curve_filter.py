@@ -166,20 +166,16 @@ class CurveFilter:
     def _solve(self) -> bool:
         p = self.params
         rows = self.rows
-        x, cov = self.x.copy(), self.cov.copy()
         try:
-            solve(
+            sound = bool(solve(
                 self.x, self.cov, rows.h, rows.z, rows.w, rows.count, p.student_nu, p.robust_passes, rows.robust,
                 self._residual,
-            )  # fmt: skip
-            sound = bool(np.isfinite(self.x).all() and np.isfinite(self.cov.diagonal()).all())
-            sound = sound and bool((self.cov.diagonal() > 0.0).all())
+            ))  # fmt: skip
         except np.linalg.LinAlgError:
             sound = False
         if not sound:
-            self.x[:] = x
             self.x[self.n : 2 * self.n] = 0.0
-            self.cov[:] = self._first_cov + np.diag(np.clip(cov.diagonal(), 0.0, 1.0) * 1e-3)
+            self.cov[:] = self._first_cov + np.diag(np.clip(self.cov.diagonal(), 0.0, 1.0) * 1e-3)
         return sound
 
     def widen_end(self, index: int, sigma_px: float) -> None:

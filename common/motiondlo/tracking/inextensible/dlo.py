@@ -14,7 +14,7 @@ from motiondlo.tracking.inextensible.ends import EndPose, EndTracker
 from motiondlo.tracking.inextensible.filter_kernels import END_A, STRETCH
 from motiondlo.tracking.inextensible.held_kernels import NOT_SEEN_PX, accumulate_presence, outermost_presence
 from motiondlo.tracking.inextensible.late import PastState, carried_innovation, oriented_like
-from motiondlo.tracking.inextensible.observe_kernels import BINS_PER_PX, learn_profiles, observe_stations
+from motiondlo.tracking.inextensible.observe_kernels import learn_profiles, observe_stations
 from motiondlo.tracking.inextensible.params import InextensibleParams
 from motiondlo.tracking.inextensible.profiles import log_ratios, prior_profiles, visible_at_start
 from motiondlo.tracking.inextensible.row_kernels import find_end, station_rows, update_support
@@ -26,7 +26,6 @@ from motiondlo.tracking.inextensible.step_kernels import (
     place_end,
     prepare_stations,
     publish_nodes,
-    remember_rates,
 )
 from motiondlo.tracking.types import Correction, TrackSource, TrackState
 
@@ -169,21 +168,12 @@ class InextensibleDlo(CurveFilter):
             if self.absorb(dt_ms, self.alive):
                 self._adapt(dt_ms, end_nis)
                 self._learn(surface, t_us, dt_ms)
-        update_support(
-            dt_ms,
-            active,
-            self.good,
-            self.covered,
-            self.count,
-            self.vn,
-            p.events_min,
-            self.alive,
-            self.support,
-            self.absent_ms,
-        )
-        self.seen_ms += dt_ms * self.good
+        self.past = int(update_support(
+            dt_ms, active, self.good, self.covered, self.count, self.vn, p.events_min, self.alive, self.support,
+            self.absent_ms, self.seen_ms, self.vn_past, self.past,
+        ))  # fmt: skip
         for end in self.ends:
-            if np.isfinite(end.tip_shift_px) or end.patch_events >= p.patch_events_min:
+            if math.isfinite(end.tip_shift_px) or end.patch_events >= p.patch_events_min:
                 self.end_seen_ms[end.index] += dt_ms
         if any(end.seen for end in self.ends):
             self.loose_ms = 0.0
@@ -191,7 +181,6 @@ class InextensibleDlo(CurveFilter):
             self.loose_ms += dt_ms
         self._follow_held_ends(surface, t_us)
         self._follow_open_ends()
-        self.past = int(remember_rates(self.vn, self.vn_past, self.past))
         for k, pose in enumerate(poses):
             self.end_velocity[k] = pose.velocity.copy()
         self._state = None
@@ -216,15 +205,9 @@ class InextensibleDlo(CurveFilter):
             if end.kind is not EndKind.HELD or self.frozen or self.seen < 0.4 * self.could:
                 continue
             inward = 1 if end.index == 0 else -1
-            station = int(np.argmin(np.abs(self.s_px - end.s_px - inward * 40.0)))
-            middle = (self.llr.shape[2] - 1) // 2
-            for side, edge in enumerate((-1, 1)):
-                k = middle + round(edge * self.radius_px * BINS_PER_PX)
-                rows = self.profile[station, :, k - 2 : k + 3].sum(axis=1)
-                end.rising[side] = 1 if rows[0] >= rows[1] else 0
             accumulate_presence(
                 surface, t_us, end.s_px, inward, self.layout.s_lo_px, self.layout.ds_px, STRIDE, self.points,
-                self.theta, self.vn, self.radius_px, end.rising, 6.0, p.latency_ms, p.presence_velocity,
+                self.theta, self.vn, self.radius_px, self.profile, 6.0, p.latency_ms, p.presence_velocity,
                 p.presence_reach_px, p.presence_rate, end.presence, end.presence_looks,
             )  # fmt: skip
             if self._turn % 8 == 0 and end.presence_looks.min() >= p.presence_looks:
@@ -404,5 +387,5 @@ class InextensibleDlo(CurveFilter):
     def confidence(self) -> float:
         """0..1: how much of what should be seen is seen, and how sure the curve is."""
         seen = self.seen / max(self.could, 1) if not self.frozen else 1.0
-        spread = float(np.sort(self.sn)[self.m // 2])
-        return float(np.clip(0.3 + 0.7 * seen, 0.0, 1.0) / (1.0 + (spread / 6.0) ** 2))
+        spread = float(np.partition(self.sn, self.m // 2)[self.m // 2])
+        return min(max(0.3 + 0.7 * seen, 0.0), 1.0) / (1.0 + (spread / 6.0) ** 2)

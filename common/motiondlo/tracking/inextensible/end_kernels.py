@@ -306,3 +306,21 @@ def match_tip(histogram, profile, reach, out):  # type: ignore[no-untyped-def]
         return
     out[0] = best_shift + (scores[k - 2] - scores[k + 2]) / bend
     out[1] = 2.0 * np.sqrt(-1.0 / bend)
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def learn_tip(histogram, shift_px, rate, start, profile):  # type: ignore[no-untyped-def]
+    """Move a tip's profile (n,) towards a histogram (n,) that lies ``shift_px`` beyond it, and back to its start."""
+    n = profile.shape[0]
+    smooth = np.empty(n)
+    largest = 1e-9
+    for i in range(n):
+        lower = histogram[i - 1] if i > 0 else 0.0
+        upper = histogram[i + 1] if i < n - 1 else 0.0
+        smooth[i] = 0.25 * lower + 0.5 * histogram[i] + 0.25 * upper
+        largest = max(largest, smooth[i])
+    shift = int(np.rint(shift_px))
+    for i in range(n):
+        target = smooth[(i + shift) % n] / largest + 0.03
+        value = profile[i] + rate * (target - profile[i])
+        profile[i] = value + 0.25 * rate * (start[i] - value)

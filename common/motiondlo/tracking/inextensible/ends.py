@@ -13,6 +13,7 @@ from motiondlo.tracking.inextensible.end_kernels import (
     collect_patch,
     collect_tip,
     learn_patch,
+    learn_tip,
     match_patch,
     match_tip,
 )
@@ -109,7 +110,6 @@ class EndTracker:
         self._tip_start = self.tip_profile.copy()
         self.presence = np.zeros((2, PLACES))
         self.presence_looks = np.zeros(PLACES, np.int64)
-        self.rising = np.zeros(2, np.uint8)
         self._histogram = np.zeros(2 * _TIP_REACH_PX + 1)
         self._a = np.empty(_PATCH_CAPACITY, np.float32)
         self._b = np.empty(_PATCH_CAPACITY, np.float32)
@@ -185,13 +185,9 @@ class EndTracker:
             if count >= p.tip_events_min:
                 # Aligned where it was matched, not where the state has the tip: else a slip would be learned.
                 match_tip(self._histogram, self.tip_profile, _TIP_SEARCH_PX, self._tip)
-                if self._tip[1] <= 0.0:
-                    return
-                smooth = np.convolve(self._histogram, [0.25, 0.5, 0.25], "same")
-                target = np.roll(smooth / max(smooth.max(), 1e-9) + 0.03, -round(self._tip[0]))
-                self.tip_learned += 1
-                self.tip_profile += p.tip_learn_rate * (target - self.tip_profile)
-                self.tip_profile += 0.25 * p.tip_learn_rate * (self._tip_start - self.tip_profile)
+                if self._tip[1] > 0.0:
+                    learn_tip(self._histogram, self._tip[0], p.tip_learn_rate, self._tip_start, self.tip_profile)
+                    self.tip_learned += 1
 
     def _follow_background(self, rate: float, speed: float, dt_ms: float) -> None:
         """What passes under or beside a gripper at rest (a belt, flicker) is not the gripper's motion."""

@@ -101,32 +101,39 @@ def place_stations(  # type: ignore[no-untyped-def]
         sv[i] = np.sqrt(max(s_vel, 1e-8))
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+# Without fastmath, which would take it for granted that all numbers are finite.
+@numba.njit(cache=True, nogil=True)
 def solve(x, cov, h, z, w, rows, nu, passes, robust, residual):  # type: ignore[no-untyped-def]
-    """Student-t weighted update in place from ``rows`` measurements.
+    """Student-t weighted update in place from ``rows`` measurements. Returns whether the numbers held.
 
     h: (R, N), z, w: (R,), robust: (R,) uint8 1 where the weight falls with the residual. residual (R,) is set to
-    ``z - H dx`` after the update.
+    ``z - H dx`` after the update. If the numbers failed (also by LinAlgError), nothing is changed.
     """
     size = x.shape[0]
     prior = np.linalg.inv(cov)
     hr = np.ascontiguousarray(h[:rows])
     dx = np.zeros(size)
-    weight = np.empty(rows)
     hw = np.empty((rows, size))
-    a = prior
-    for _ in range(passes):
+    posterior = cov
+    for turn in range(passes):
         res = z[:rows] - hr @ dx
         for i in range(rows):
-            weight[i] = w[i]
+            weight = w[i]
             if robust[i] and w[i] > 0.0:
-                weight[i] = w[i] * (nu + 1.0) / (nu + res[i] * res[i] * w[i])
+                weight = w[i] * (nu + 1.0) / (nu + res[i] * res[i] * w[i])
             for k in range(size):
-                hw[i, k] = weight[i] * hr[i, k]
-        a = prior + hr.T @ hw
+                hw[i, k] = weight * hr[i, k]
+        a = hr.T @ hw
+        a += prior
         rhs = hw.T @ z[:rows]
-        dx = np.linalg.solve(a, rhs)
-    posterior = np.linalg.inv(a)
+        if turn < passes - 1:
+            dx = np.linalg.solve(a, rhs)
+        else:
+            posterior = np.linalg.inv(a)
+            dx = posterior @ rhs
+    variances = np.diag(posterior)
+    if not (np.isfinite(dx).all() and np.isfinite(variances).all() and (variances > 0.0).all()):
+        return False
     for i in range(size):
         x[i] += dx[i]
         for j in range(size):
@@ -134,3 +141,4 @@ def solve(x, cov, h, z, w, rows, nu, passes, robust, residual):  # type: ignore[
     final = z[:rows] - hr @ dx
     for i in range(rows):
         residual[i] = final[i]
+    return True

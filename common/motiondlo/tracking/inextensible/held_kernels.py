@@ -9,28 +9,49 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from motiondlo.tracking.inextensible.observe_kernels import BINS_PER_PX
+
 STEP_PX = 2.0
 BEYOND_PX = 40.0
 INWARD_PX = 64.0
 PLACES = int((BEYOND_PX + INWARD_PX) / STEP_PX) + 1
 NOT_SEEN_PX = 1e9
 _LEVEL_FROM_PX = 24.0
+_SIGNS_FROM_PX = 40.0
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def silhouette_signs(profile, station, radius_px):  # type: ignore[no-untyped-def]
+    """(at -radius, at +radius): 1 where luminance rises along the normal, else 0.
+
+    profile: (m, 2, bins); station: which, a real number.
+    """
+    i = min(max(int(np.ceil(station - 0.5)), 0), profile.shape[0] - 1)
+    middle = (profile.shape[2] - 1) // 2
+    reach = int(np.rint(radius_px * BINS_PER_PX))
+    below = 0.0
+    above = 0.0
+    for k in range(-2, 3):
+        below += profile[i, 0, middle - reach + k] - profile[i, 1, middle - reach + k]
+        above += profile[i, 0, middle + reach + k] - profile[i, 1, middle + reach + k]
+    return 1 if below >= 0.0 else 0, 1 if above >= 0.0 else 0
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def accumulate_presence(  # type: ignore[no-untyped-def]
-    surface, t_us, s_end_px, inward, s_lo_px, ds_px, stride, points, theta, vn, radius_px, rising, window_max_ms,
+    surface, t_us, s_end_px, inward, s_lo_px, ds_px, stride, points, theta, vn, radius_px, profile, window_max_ms,
     latency_ms, v_min, reach_px, rate, presence, looks,
 ):  # fmt: skip
     """Let ``presence`` (2, PLACES) follow the events at either silhouette, from BEYOND_PX outward to INWARD_PX inward.
 
-    inward: 1 where the DLO lies towards larger s, else -1; rising: (2,) uint8, 1 where luminance rises along the normal
-    at -radius and at +radius; an event within reach_px of a silhouette belongs to it. looks (PLACES,) counts the looks
-    at every place; those that move slower than v_min px/ms across are left as they are.
+    inward: 1 where the DLO lies towards larger s, else -1; profile: (m, 2, bins), which says whether luminance rises or
+    falls along the normal at either silhouette; an event within reach_px of a silhouette belongs to it. looks (PLACES,)
+    counts the looks at every place; those that move slower than v_min px/ms across are left as they are.
     """
     height, width = surface.shape[1], surface.shape[2]
     samples = points.shape[0]
     m = vn.shape[0]
+    rising = silhouette_signs(profile, (s_end_px + inward * _SIGNS_FROM_PX - s_lo_px) / (ds_px * stride), radius_px)
     for k in range(presence.shape[1]):
         s = s_end_px + inward * (k * STEP_PX - BEYOND_PX)
         u = (s - s_lo_px) / ds_px

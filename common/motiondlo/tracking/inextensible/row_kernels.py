@@ -6,6 +6,7 @@ import numba
 import numpy as np
 
 from motiondlo.tracking.inextensible.filter_kernels import STRETCH
+from motiondlo.tracking.inextensible.step_kernels import remember_rates
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
@@ -114,11 +115,14 @@ def remember_bend(n, x, share, alive, memory):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def update_support(dt_ms, active, good, covered, count, vn, events_min, alive, support, absent_ms):  # type: ignore[no-untyped-def]
-    """Follow what is known of every station; all (m,).
+def update_support(  # type: ignore[no-untyped-def]
+    dt_ms, active, good, covered, count, vn, events_min, alive, support, absent_ms, seen_ms, vn_past, past
+):
+    """Follow what is known of every station; all (m,). Returns how many rates are remembered now.
 
     alive 0..1: it is known to be in view; support 0..1: it was seen lately, or rests where it was seen; absent_ms: how
-    long it should have been seen, moving in view, and was not.
+    long it should have been seen, moving in view, and was not; seen_ms: how long it was measured. vn_past: (4, m) the
+    last normal rates, ``past`` of them filled, to which vn is appended.
     """
     total = 0.0
     seen = 0
@@ -141,6 +145,9 @@ def update_support(dt_ms, active, good, covered, count, vn, events_min, alive, s
                 alive[i] = max(0.0, alive[i] - 0.1 * dt_ms)
                 absent_ms[i] += dt_ms
             support[i] = max(0.0, support[i] - 0.05 * dt_ms)
+        if good[i]:
+            seen_ms[i] += dt_ms
+    return remember_rates(vn, vn_past, past)
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)

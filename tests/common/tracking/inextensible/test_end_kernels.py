@@ -9,6 +9,7 @@ from motiondlo.tracking.inextensible.end_kernels import (
     collect_patch,
     collect_tip,
     learn_patch,
+    learn_tip,
     match_patch,
     match_tip,
     shortest_window,
@@ -134,3 +135,14 @@ def test_no_event_of_a_turned_and_moving_end_is_left_out(angle_rad: float) -> No
     want = np.bincount(np.floor(along[(np.abs(across) <= 10.0) & (np.abs(along) < 60.0)] + 60.5).astype(int))
     np.testing.assert_array_equal(histogram, want[20:101])
     assert n == histogram.sum()
+
+
+def test_a_tip_learns_what_it_saw_where_it_was_matched() -> None:
+    rng = np.random.default_rng(6)
+    histogram, start, profile = rng.integers(0, 9, 81).astype(float), rng.random(81), rng.random(81)
+    smooth = np.convolve(histogram, [0.25, 0.5, 0.25], "same")
+    target = np.roll(smooth / smooth.max() + 0.03, 3)
+    want = profile + 0.1 * (target - profile)
+    want += 0.025 * (start - want)
+    learn_tip(histogram, -3.2, 0.1, start, profile)
+    np.testing.assert_allclose(profile, want)

@@ -46,7 +46,7 @@ def test_solve_without_outliers_is_the_kalman_update() -> None:
     want_x, want_cov = x + gain @ z, cov - gain @ h @ cov
     residual = np.zeros(20)
     padded = np.vstack([h, np.full((8, SIZE), np.nan)])
-    solve(x, cov, padded, np.append(z, np.full(8, np.nan)), np.append(w, np.ones(8)), 12, 4.0, 3,
+    assert solve(x, cov, padded, np.append(z, np.full(8, np.nan)), np.append(w, np.ones(8)), 12, 4.0, 3,
           np.zeros(20, np.uint8), residual)  # fmt: skip
     np.testing.assert_allclose(x, want_x, atol=1e-8)
     np.testing.assert_allclose(cov, want_cov, atol=1e-8)
@@ -60,3 +60,14 @@ def test_one_wild_station_does_not_pull() -> None:
     x = np.zeros(SIZE)
     solve(x, cov, h, z, np.full(6, 4.0), 6, 4.0, 5, np.ones(6, np.uint8), np.zeros(6))
     assert x[0] == pytest.approx(0.0, abs=0.15)
+
+
+def test_an_update_that_fails_changes_nothing() -> None:
+    x, cov = some_state()
+    before = cov.copy()
+    h = np.eye(SIZE)[:2].copy()
+    z, plain, residual = np.array([0.0, np.nan]), np.zeros(2, np.uint8), np.zeros(2)
+    assert not solve(x, cov, h, z, np.ones(2), 2, 4.0, 1, plain, residual)
+    with pytest.raises(np.linalg.LinAlgError):
+        solve(x, cov, h, z, np.ones(2), 2, 4.0, 2, plain, residual)
+    np.testing.assert_array_equal(cov, before)

@@ -12,6 +12,7 @@ from motiondlo.tracking.inextensible.held_kernels import (
     STEP_PX,
     accumulate_presence,
     outermost_presence,
+    silhouette_signs,
 )
 
 RADIUS_PX = 8.0
@@ -22,19 +23,32 @@ def test_silhouettes_beyond_the_given_end_are_found(bar_scene, sweep_path) -> No
     scene = bar_scene(sweep_path((0.0, 1.5)))
     surface = np.full((2, 300, 420), -(1 << 60), np.int64)
     presence, looks = np.zeros((2, PLACES)), np.zeros(PLACES, np.int64)
+    # bright on dark: luminance rises at the silhouette at -radius
+    profile = np.zeros((22, 2, 61), np.float32)
+    profile[:, 0, 30 - 16] = profile[:, 1, 30 + 16] = 0.5
     for k in range(40):
         events = scene.batch(k).events
         surface[events["p"], events["y"], events["x"]] = events["t"]
         y = scene.path(k + 1.0)[1]
         points = np.stack([np.arange(40.0, 304.0, 6.0), np.full(44, y)], axis=1)
         vn = np.full(22, 1.5 if k > 12 else 0.0)
-        # bright on dark: luminance rises at the silhouette at -radius
         accumulate_presence(
             surface, (k + 1) * 1000, 60.0, 1, 0.0, 6.0, 2, points, np.zeros(44), vn, RADIUS_PX,
-            np.array([1, 0], np.uint8), 6.0, 0.0, 0.5, 3.0, 0.05, presence, looks,
+            profile, 6.0, 0.0, 0.5, 3.0, 0.05, presence, looks,
         )  # fmt: skip
     assert looks.min() == 27
     assert outermost_presence(presence, 0.5) == pytest.approx(-20.0, abs=4.0)
+
+
+def test_signs_of_silhouettes_come_from_the_nearest_profile() -> None:
+    rng = np.random.default_rng(3)
+    profile = rng.random((4, 2, 61)).astype(np.float32)
+    rises = [
+        profile[2, 0, 30 + at - 2 : 30 + at + 3].sum() >= profile[2, 1, 30 + at - 2 : 30 + at + 3].sum()
+        for at in (-16, 16)
+    ]
+    assert silhouette_signs(profile, 1.7, RADIUS_PX) == tuple(map(int, rises))
+    assert silhouette_signs(profile, -5.0, RADIUS_PX) == silhouette_signs(profile, 0.0, RADIUS_PX)
 
 
 def test_both_silhouettes_must_go_on() -> None:

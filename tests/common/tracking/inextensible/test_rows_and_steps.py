@@ -93,11 +93,15 @@ def test_no_end_is_found_outside_the_image_or_too_soon() -> None:
 def test_support_fades_only_for_what_should_move_in_view() -> None:
     alive, support, absent = np.ones(3), np.ones(3), np.zeros(3)
     active = np.array([1, 1, 0], np.uint8)
+    seen_ms, past, filled = np.zeros(3), np.zeros((4, 3)), 0
     for _ in range(10):
-        update_support(
+        filled = update_support(
             1.0, active, np.zeros(3, np.uint8), np.zeros(3, np.uint8), np.zeros(3, np.int64),
-            np.array([2.0, 0.1, 2.0]), 8, alive, support, absent,
+            np.array([2.0, 0.1, 2.0]), 8, alive, support, absent, seen_ms, past, filled,
         )  # fmt: skip
+    assert filled == 4
+    np.testing.assert_allclose(past[3], [2.0, 0.1, 2.0])
+    assert not seen_ms.any()
     assert support[0] == pytest.approx(0.5)
     assert absent[0] == pytest.approx(10.0)
     assert support[1] == 1.0
