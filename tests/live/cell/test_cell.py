@@ -112,7 +112,7 @@ def test_an_independent_subscriber_reads_states_at_the_trackers_rate(make_cell: 
     seqs = np.array([state["seq"] for state in states])
     assert (np.diff(seqs) == 1).all(), "none is missing"
     times_us = np.array([state["t_us"] for state in states])
-    assert len(states) > 300
+    assert len(states) > 250, "a batch is 2 ms, the recording 600 ms"
     assert (np.diff(times_us) > 0).all()
     assert times_us[-1] - times_us[0] > 500_000
     assert {state["mode"] for state in states} >= {"STATIC", "MOTION"}
@@ -129,7 +129,7 @@ def test_live_and_offline_give_the_same_trajectory(make_cell: MakeCell) -> None:
     offline = track_recording(open_recording(bundled_recording()), TrackOptions())
     assert live.known_ids() == offline.known_ids() == (0,)
     both, in_live, in_offline = np.intersect1d(live.times_us, offline.times_us, return_indices=True)
-    assert len(both) > 500
+    assert len(both) > 280
     distance = np.hypot(*np.moveaxis(live.nodes[in_live] - offline.nodes[in_offline], -1, 0))
     assert distance.max() < 0.2
 

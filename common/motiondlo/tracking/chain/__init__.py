@@ -1,1 +1,0 @@
-"""The default event tracker: a Kalman filter over the nodes of a chain."""
