@@ -81,7 +81,6 @@ def _is_free(port: int) -> bool:
 
 def play(
     config: Path,
-    on_state: Callable[[StateMessage], None] | None = None,
     segmenter_load: bool = False,
     time_limit_s: float = 600.0,
     on_step: Callable[[Supervisor, LiveRun], None] | None = None,
@@ -110,8 +109,6 @@ def play(
                 bus.wait(_WAIT_S, states, health)
                 for state in states.drain():
                     _note(run, state)
-                    if on_state is not None:
-                        on_state(state)
                 if now_s < next_s:
                     continue
                 # The rest only now and then: receiving must not wait for it.

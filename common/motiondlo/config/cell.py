@@ -58,7 +58,7 @@ class ReplaySection(BaseModel):
         default=1000.0,
         ge=0.0,
         le=60000.0,
-        description="in event time, a segmentation is used this long after its request, as in motiondlo track; 0: at once",
+        description="event time from the request of a segmentation to its use, as in motiondlo track; 0: at once",
     )
 
 

@@ -29,10 +29,11 @@ def run(args: Namespace) -> int:
     from motiondlo_services.cell_config import bus_section
     from motiondlo_services.demo_picture import demo_picture
     from motiondlo_services.live_report import live_figures, print_live_figures
-    from motiondlo_services.live_run import play
+    from motiondlo_services.live_run import LiveRun, play
     from motiondlo_services.live_tracks import tracks_of
     from motiondlo_services.processes import PROCESSES
     from motiondlo_services.replay_cell import write_replay_cell
+    from motiondlo_services.supervisor import Supervisor
 
     recording = open_recording(args.recording or bundled_recording())
     out: Path = args.out
@@ -53,12 +54,15 @@ def run(args: Namespace) -> int:
         TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=screen, disable=args.quiet
     ) as bar:
         task = bar.add_task("starting the daemons", total=end_us)
-        result = play(
-            config,
-            on_state=lambda state: bar.update(
-                task, completed=min(state.t_us, end_us), description=f"{state.mode:<8} {len(state.dlos)} DLO"
-            ),
-        )
+
+        def show(supervisor: Supervisor, run: LiveRun) -> None:
+            """Some 50 times a second; drawing for every state would hold up the next one."""
+            if run.states:
+                state = run.states[-1]
+                shown = f"{state.mode:<8} {len(state.dlos)} DLO"
+                bar.update(task, completed=min(state.t_us, end_us), description=shown)
+
+        result = play(config, on_step=show)
     tracks = tracks_of(result.states)
     tracks.save(out / "tracks.npz")
     figures = live_figures(result)
