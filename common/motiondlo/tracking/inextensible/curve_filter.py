@@ -7,7 +7,7 @@ import numpy as np
 from motiondlo.frames.types import FloatArray
 from motiondlo.geometry.curve import arc_length
 from motiondlo.tracking.inextensible.curve_kernels import acceleration_covariance, place_curve
-from motiondlo.tracking.inextensible.ends import Rows
+from motiondlo.tracking.inextensible.end_rows import Rows
 from motiondlo.tracking.inextensible.filter_kernels import (
     CONSTANTS,
     END_A,

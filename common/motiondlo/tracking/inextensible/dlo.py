@@ -10,7 +10,8 @@ import numpy.typing as npt
 from motiondlo.events.types import SensorGeometry
 from motiondlo.frames.types import EndKind, FloatArray
 from motiondlo.tracking.inextensible.curve_filter import GAP_MS, CurveFilter
-from motiondlo.tracking.inextensible.ends import EndPose, EndTracker
+from motiondlo.tracking.inextensible.end_rows import EndPose
+from motiondlo.tracking.inextensible.ends import EndTracker
 from motiondlo.tracking.inextensible.filter_kernels import END_A, STRETCH
 from motiondlo.tracking.inextensible.held_kernels import NOT_SEEN_PX, accumulate_presence, outermost_presence
 from motiondlo.tracking.inextensible.late import PastState, carried_innovation, oriented_like
@@ -62,7 +63,7 @@ class InextensibleDlo(CurveFilter):
         # ends
         places = (correction.nodes[0].astype(np.float64), correction.nodes[-1].astype(np.float64))
         self.ends = [EndTracker(k, correction.ends[k], length * k, params, self.radius_px, places[k]) for k in range(2)]
-        self.end_velocity: list[FloatArray | None] = [None, None]
+        self.end_velocity: list[tuple[float, float] | None] = [None, None]
         self.end_poses = [EndPose(self.n) for _ in range(2)]
         self._edge = np.zeros(2)
         # visibility
@@ -98,8 +99,8 @@ class InextensibleDlo(CurveFilter):
         if end.index == 0:
             pose.outward *= -1.0
         before = self.end_velocity[end.index]
-        change = pose.velocity - before if before is not None else np.zeros(2)
-        pose.acceleration = math.hypot(change[0], change[1]) / dt_ms
+        vx, vy = before if before is not None else pose.velocity
+        pose.acceleration = math.hypot(pose.velocity[0] - vx, pose.velocity[1] - vy) / dt_ms
         return pose
 
     def end_s_px(self, index: int) -> float:
@@ -182,7 +183,7 @@ class InextensibleDlo(CurveFilter):
         self._follow_held_ends(surface, t_us)
         self._follow_open_ends()
         for k, pose in enumerate(poses):
-            self.end_velocity[k] = pose.velocity.copy()
+            self.end_velocity[k] = (float(pose.velocity[0]), float(pose.velocity[1]))
         self._state = None
 
     def _extent(self) -> tuple[float, float]:

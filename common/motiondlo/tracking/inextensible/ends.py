@@ -17,6 +17,7 @@ from motiondlo.tracking.inextensible.end_kernels import (
     match_patch,
     match_tip,
 )
+from motiondlo.tracking.inextensible.end_rows import EndPose, Rows
 from motiondlo.tracking.inextensible.filter_kernels import END_A, RATIO_A
 from motiondlo.tracking.inextensible.held_kernels import PLACES
 from motiondlo.tracking.inextensible.params import InextensibleParams
@@ -27,45 +28,6 @@ _PATCH_CAPACITY = 8000
 _TIP_REACH_PX = 40
 _TIP_SEARCH_PX = 14
 _TIP_SEARCH_NEW_PX = 34
-
-
-@dataclass
-class Rows:
-    """Preallocated measurement rows; ``count`` of them are filled."""
-
-    h: FloatArray
-    z: FloatArray
-    w: FloatArray
-    robust: npt.NDArray[np.uint8]
-    count: int = 0
-
-    def add(self, values: FloatArray, z: float, sigma: float, robust: bool = False) -> None:
-        """Append one row; ``values`` (N,)."""
-        if self.count < len(self.z):
-            self.h[self.count] = values
-            self.z[self.count] = z
-            self.w[self.count] = 1.0 / sigma**2
-            self.robust[self.count] = robust
-            self.count += 1
-
-
-class EndPose:
-    """An end of the predicted curve and how it depends on the state; filled anew by every update."""
-
-    def __init__(self, n: int) -> None:
-        self.place: FloatArray = np.zeros(2)
-        """(2,) px."""
-        self.outward: FloatArray = np.zeros(2)
-        """(2,) unit vector away from the DLO."""
-        self.velocity: FloatArray = np.zeros(2)
-        """(2,) px/ms."""
-        self.omega = 0.0
-        """rad/ms."""
-        self.jacobian: FloatArray = np.zeros((2, n))
-        self.angle_row: FloatArray = np.zeros(n - 2)
-        """(K,) d theta / d c."""
-        self.acceleration = 0.0
-        """|px/ms^2| lately."""
 
 
 @dataclass
@@ -207,10 +169,10 @@ class EndTracker:
     def _collect(self, surface: Int64Array, t_us: int, pose: EndPose, x: FloatArray) -> tuple[int, float]:
         p = self.params
         ratio = float(x[len(x) - 5 + RATIO_A + self.index])
-        origin = pose.place + ratio * (pose.place - self.reference)
+        lever_x, lever_y = pose.place[0] - self.reference[0], pose.place[1] - self.reference[1]
         count, age, window = collect_patch(
-            surface, t_us, origin[0], origin[1], pose.outward[0], pose.outward[1],
-            pose.velocity[0] * (1.0 + ratio), pose.velocity[1] * (1.0 + ratio), pose.omega,
+            surface, t_us, pose.place[0] + ratio * lever_x, pose.place[1] + ratio * lever_y, pose.outward[0],
+            pose.outward[1], pose.velocity[0] * (1.0 + ratio), pose.velocity[1] * (1.0 + ratio), pose.omega,
             p.window_min_ms, self._window_ms, p.patch_events_used, p.latency_ms, -p.patch_inward_px, p.patch_length_px,
             p.patch_half_width_px, 1.4 * self.radius_px, self._a, self._b, self._age,
         )  # fmt: skip
@@ -229,31 +191,29 @@ class EndTracker:
         height: int,
     ) -> None:
         p = self.params
-        n = pose.jacobian.shape[1]
-        size = len(x)
+        place_x, place_y = pose.place.tolist()
+        out_x, out_y = pose.outward.tolist()
         self._window_ms = self._window(pose)
-        inside = -20.0 < pose.place[0] < width + 20.0 and -20.0 < pose.place[1] < height + 20.0
+        inside = -20.0 < place_x < width + 20.0 and -20.0 < place_y < height + 20.0
         self.patch_events = 0
         if not inside:
             self.quiet_ms = 0.0
             return
         count, age = self._collect(surface, t_us, pose, x)
         self.patch_events = count
-        self._follow_background(count / self._window_ms, math.hypot(pose.velocity[0], pose.velocity[1]), dt_ms)
-        across = np.array([-pose.outward[1], pose.outward[0]])
-        ratio = float(x[size - 5 + RATIO_A + self.index])
-        centre = pose.place + 0.4 * p.patch_length_px * pose.outward
-        seen = 0.0 < centre[0] < width and 0.0 < centre[1] < height
+        v_x, v_y = pose.velocity.tolist()
+        self._follow_background(count / self._window_ms, math.hypot(v_x, v_y), dt_ms)
+        axes = ((out_x, out_y), (-out_y, out_x))
+        ratio = float(x[len(x) - 5 + RATIO_A + self.index])
+        middle = 0.4 * p.patch_length_px
+        seen = 0.0 < place_x + middle * out_x < width and 0.0 < place_y + middle * out_y < height
         if count < p.patch_events_min:
             self.quiet_ms = self.quiet_ms + dt_ms if count < p.patch_events_min // 2 and seen else 0.0
             if self.learned >= 3 and self.quiet_ms > 1.5:
-                for axis in (pose.outward, across):
-                    row = np.zeros(size)
-                    row[n : 2 * n] = axis @ pose.jacobian
-                    rows.add(row, -float(axis @ pose.velocity), p.patch_rest_sigma / math.sqrt(dt_ms))
-                row = np.zeros(size)
-                row[n + 2 : 2 * n] = pose.angle_row
-                rows.add(row, -pose.omega, 0.01 / math.sqrt(dt_ms))
+                for axis in axes:
+                    speed = axis[0] * v_x + axis[1] * v_y
+                    rows.add_end(pose, axis, 0.0, (0.0, 1.0), -speed, p.patch_rest_sigma / math.sqrt(dt_ms))
+                rows.add_end(pose, (0.0, 0.0), 1.0, (0.0, 1.0), -pose.omega, 0.01 / math.sqrt(dt_ms))
             return
         self.quiet_ms = 0.0
         if self.learned < 2:
@@ -267,21 +227,19 @@ class EndTracker:
         if self.shift_px >= p.patch_reach_px or self._match[3] < 0.1:
             return
         reuse = math.sqrt(max(1.0, self._window_ms / dt_ms))
-        for k, axis in enumerate((pose.outward, across)):
+        lag = -age * p.age_share
+        lever_x, lever_y = place_x - float(self.reference[0]), place_y - float(self.reference[1])
+        for k, axis in enumerate(axes):
             curvature = float(self._match[4 + k]) * used
             if curvature < 0.02:
                 continue
-            row = np.zeros(size)
-            base = axis @ pose.jacobian
-            row[:n] = (1.0 + ratio) * base
-            row[n : 2 * n] = -age * p.age_share * (1.0 + ratio) * base
-            row[size - 5 + RATIO_A + self.index] = float(axis @ (pose.place - self.reference))
-            rows.add(row, float(self._match[k]), math.hypot(p.patch_sigma_px, 2.0 / math.sqrt(curvature)) * reuse)
+            sigma = math.hypot(p.patch_sigma_px, 2.0 / math.sqrt(curvature)) * reuse
+            constant = (RATIO_A + self.index, axis[0] * lever_x + axis[1] * lever_y)
+            shares = (1.0 + ratio, lag * (1.0 + ratio))
+            rows.add_end(pose, axis, 0.0, shares, float(self._match[k]), sigma, constant)
         if self._match[6] * used > 100.0:
-            row = np.zeros(size)
-            row[2:n] = pose.angle_row
-            row[n + 2 : 2 * n] = -age * p.age_share * pose.angle_row
-            rows.add(row, float(self._match[2]), p.patch_angle_sigma_rad * reuse)
+            sigma = p.patch_angle_sigma_rad * reuse
+            rows.add_end(pose, (0.0, 0.0), 1.0, (1.0, lag), float(self._match[2]), sigma)
 
     def _tip_histogram(self, surface: Int64Array, t_us: int, pose: EndPose) -> tuple[int, float]:
         count, age = collect_tip(
@@ -302,8 +260,6 @@ class EndTracker:
         height: int,
     ) -> None:
         p = self.params
-        n = pose.jacobian.shape[1]
-        size = len(x)
         margin = 12.0
         if not (margin < pose.place[0] < width - margin and margin < pose.place[1] < height - margin):
             return
@@ -321,11 +277,8 @@ class EndTracker:
         # From rest a tip goes a few pixels at most between two looks; a sudden jump is something else that passes.
         far = abs(self.tip_shift_px)
         self._tip_moves = far > 1.0 and (far < 4.0 or self._tip_moves)
-        base = pose.outward @ pose.jacobian
-        row = np.zeros(size)
-        row[:n] = base
-        row[n : 2 * n] = -age * p.age_share * base
-        row[size - 5 + END_A + self.index] = -1.0 if self.index == 0 else 1.0
         reuse = max(1.0, self._window_ms / dt_ms)
-        sigma = float(math.sqrt((p.tip_sigma_px**2 + 4.0 * self._tip[1] ** 2 + (0.2 * age**2) ** 2) * reuse))
-        rows.add(row, self.tip_shift_px, sigma, robust=True)
+        sigma = math.sqrt((p.tip_sigma_px**2 + 4.0 * float(self._tip[1]) ** 2 + (0.2 * age**2) ** 2) * reuse)
+        axis = (float(pose.outward[0]), float(pose.outward[1]))
+        constant = (END_A + self.index, -1.0 if self.index == 0 else 1.0)
+        rows.add_end(pose, axis, 0.0, (1.0, -age * p.age_share), self.tip_shift_px, sigma, constant, robust=True)

@@ -86,6 +86,29 @@ def station_rows(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
+def end_row(  # type: ignore[no-untyped-def]
+    row, jacobian, angle_row, axis_x, axis_y, turn, place_share, rate_share, constant, constant_slope, h
+):
+    """Write row ``row`` of h (R, N): what an end says of its place along an axis, or of its angle.
+
+    jacobian: (2, n) of its place, angle_row: (K,) of its angle; ``turn`` is the share of the angle, (axis_x, axis_y)
+    that of the place; place_share, rate_share: how the measurement depends on the pose and on its rates. ``constant``:
+    which constant of the state it depends on as well, with ``constant_slope``; -1 for none.
+    """
+    n = jacobian.shape[1]
+    for k in range(n):
+        value = axis_x * jacobian[0, k] + axis_y * jacobian[1, k]
+        if k >= 2:
+            value += turn * angle_row[k - 2]
+        h[row, k] = place_share * value
+        h[row, n + k] = rate_share * value
+    for k in range(2 * n, h.shape[1]):
+        h[row, k] = 0.0
+    if constant >= 0:
+        h[row, 2 * n + constant] = constant_slope
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
 def bend_rows(rows, n, dt_ms, x, memory, bend_sigma, rate_sigma, h, z, w, robust):  # type: ignore[no-untyped-def]
     """Second differences of the angle coefficients stay near the remembered ones, those of the rates near zero."""
     size = h.shape[1]

@@ -84,8 +84,10 @@ class InextensibleTracker:
         # Events older than the prediction can bridge are worth little: batches are taken in steps, longer under load.
         step_ms = self.params.step_ms if span_ms <= self.params.merged_ms else self.params.step_max_ms
         steps = 1 if span_ms > GAP_MS or not awake else max(1, math.ceil(span_ms / step_ms - 1e-6))
-        edges_us = np.linspace(since_us, batch.t1_us, steps + 1).astype(np.int64)
-        cuts = [0, *np.searchsorted(events["t"], edges_us[1:-1]).tolist(), len(events)]
+        edges_us, cuts = [since_us, batch.t1_us], [0, len(events)]
+        if steps > 1:
+            edges_us = np.linspace(since_us, batch.t1_us, steps + 1).astype(np.int64).tolist()
+            cuts[1:1] = np.searchsorted(events["t"], edges_us[1:-1]).tolist()
         surface_ns = 0
         for k in range(steps):
             before_ns = clock()
@@ -93,9 +95,9 @@ class InextensibleTracker:
             surface_ns += clock() - before_ns
             for dlo in awake:
                 was_frozen = dlo.frozen
-                dlo.step(self._surface.last_us, int(edges_us[k + 1]), float(edges_us[k + 1] - edges_us[k]) * 1e-3)
+                dlo.step(self._surface.last_us, edges_us[k + 1], (edges_us[k + 1] - edges_us[k]) * 1e-3)
                 if not dlo.frozen or not was_frozen:
-                    self._gate.history(dlo.id).record(int(edges_us[k + 1]), dlo.past_state())
+                    self._gate.history(dlo.id).record(edges_us[k + 1], dlo.past_state())
                     self._tiles_stale = True
         active_pixels = sum(int(self._counts[dlo.id % MASK_BITS]) for dlo in awake if dlo.moving)
         self._t_us = batch.t1_us

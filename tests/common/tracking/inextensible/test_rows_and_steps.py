@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from motiondlo.tracking.inextensible.near_kernels import count_near, mark_tiles
-from motiondlo.tracking.inextensible.row_kernels import find_end, station_rows, update_support
+from motiondlo.tracking.inextensible.row_kernels import end_row, find_end, station_rows, update_support
 from motiondlo.tracking.inextensible.step_kernels import (
     fast_speed,
     fit_summary,
@@ -67,6 +67,20 @@ def test_stray_events_where_nothing_was_seen_before_are_no_match() -> None:
     alive = [1, 1, 1, 1, 0, 0, 0]
     *_, good = rows_for(np.full(M, 2.0), np.ones(M), alive, count=[90, 90, 90, 90, 90, 12, 12])
     assert good.tolist() == [1, 1, 1, 1, 1, 0, 0]
+
+
+@pytest.mark.parametrize(("axis", "turn", "constant"), [((0.6, 0.8), 0.0, 3), ((0.0, 0.0), 1.0, -1)])
+def test_row_of_an_end(axis, turn: float, constant: int) -> None:
+    rng = np.random.default_rng(8)
+    jacobian, angle_row = rng.normal(size=(2, N)), rng.normal(size=N - 2)
+    h = np.full((3, 2 * N + 5), np.nan)
+    end_row(1, jacobian, angle_row, *axis, turn, 1.1, -0.7, constant, 9.0, h)
+    base = np.array(axis) @ jacobian + turn * np.concatenate([[0.0, 0.0], angle_row])
+    want = np.concatenate([1.1 * base, -0.7 * base, np.zeros(5)])
+    if constant >= 0:
+        want[2 * N + constant] = 9.0
+    np.testing.assert_allclose(h[1], want)
+    assert np.isnan(h[[0, 2]]).all()
 
 
 def ended_at(absent_from: int, x0: float = 100.0, ms: float = 6.0):
