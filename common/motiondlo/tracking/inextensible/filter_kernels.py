@@ -110,7 +110,6 @@ def solve(x, cov, h, z, w, rows, nu, passes, robust, residual):  # type: ignore[
     ``z - H dx`` after the update. If the numbers failed (also by LinAlgError), nothing is changed.
     """
     size = x.shape[0]
-    prior = np.linalg.inv(cov)
     hr = np.ascontiguousarray(h[:rows])
     dx = np.zeros(size)
     hw = np.empty((rows, size))
@@ -123,13 +122,15 @@ def solve(x, cov, h, z, w, rows, nu, passes, robust, residual):  # type: ignore[
                 weight = w[i] * (nu + 1.0) / (nu + res[i] * res[i] * w[i])
             for k in range(size):
                 hw[i, k] = weight * hr[i, k]
-        a = hr.T @ hw
-        a += prior
+        # (C^-1 + H'WH)^-1 = (1 + C H'WH)^-1 C: the covariance itself is never inverted.
+        a = cov @ (hr.T @ hw)
+        for i in range(size):
+            a[i, i] += 1.0
         rhs = hw.T @ z[:rows]
         if turn < passes - 1:
-            dx = np.linalg.solve(a, rhs)
+            dx = np.linalg.solve(a, cov @ rhs)
         else:
-            posterior = np.linalg.inv(a)
+            posterior = np.linalg.solve(a, cov)
             dx = posterior @ rhs
     variances = np.diag(posterior)
     if not (np.isfinite(dx).all() and np.isfinite(variances).all() and (variances > 0.0).all()):
