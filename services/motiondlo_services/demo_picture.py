@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from motiondlo.client import extrapolate
 from motiondlo.drawing.event_image import event_image
 from motiondlo.drawing.overlay import DrawnDlo, overlay
 from motiondlo.errors import RecordingError
@@ -23,7 +24,7 @@ _GAP_PX = 8
 
 
 def fastest_frame(recording: Recording, states: Sequence[StateMessage]) -> tuple[FrameEntry, StateMessage]:
-    """The frame at whose exposure the DLOs moved fastest, and the state nearest to its middle.
+    """The frame at whose exposure the DLOs moved fastest, and the last state before its middle.
 
     Raises RecordingError when no state has a DLO, or the recording has no frame.
     """
@@ -33,7 +34,7 @@ def fastest_frame(recording: Recording, states: Sequence[StateMessage]) -> tuple
     times_us = np.array([state.t_us for state in with_dlos])
 
     def nearest(entry: FrameEntry) -> StateMessage:
-        return with_dlos[int(np.abs(times_us - (entry.t_us + _HALF_EXPOSURE_US)).argmin())]
+        return with_dlos[max(0, int(np.searchsorted(times_us, entry.t_us + _HALF_EXPOSURE_US, side="right")) - 1)]
 
     def speed(state: StateMessage) -> float:
         # The mean over the visible nodes, so that a frame is chosen that shows the moving part.
@@ -44,7 +45,10 @@ def fastest_frame(recording: Recording, states: Sequence[StateMessage]) -> tuple
 
 
 def demo_picture(recording: Recording, states: Sequence[StateMessage]) -> Image:
-    """(H, W, 3) uint8 BGR: the frame at the left, the events at the right, the same estimate over both."""
+    """(H, W, 3) uint8 BGR: the frame at the left, the events at the right, the same estimate over both.
+
+    Over the frame, the estimate is carried on to the middle of the exposure.
+    """
     entry, state = fastest_frame(recording, states)
     frame = read_image(entry.path)
     if frame is None:
@@ -53,11 +57,14 @@ def demo_picture(recording: Recording, states: Sequence[StateMessage]) -> Image:
         DrawnDlo(dlo.id, dlo.nodes.astype(np.float64), dlo.sigma_px.astype(np.float64), dlo.visible)
         for dlo in state.dlos
     ]
+    at_exposure = [
+        DrawnDlo(dlo.id, dlo.nodes, dlo.sigma_px) for dlo in extrapolate(state, entry.t_us + _HALF_EXPOSURE_US)
+    ]
     fastest = max(float(np.hypot(*dlo.velocity_px_s.T).max()) for dlo in state.dlos)
     px_per_mm = recording.camera_info.px_per_mm
     speed = f"{fastest / px_per_mm / 1000:.1f} m/s" if px_per_mm else f"{fastest / 1000:.1f} px/ms"
     events = event_image(_events_before(recording, state.t_us), open_events(recording.events_path).geometry)
-    left = overlay(frame, dlos, recording.event_from_rgb(), caption=f"RGB frame, 5 ms exposure, {speed}")
+    left = overlay(frame, at_exposure, recording.event_from_rgb(), caption=f"RGB frame, 5 ms exposure, {speed}")
     right = overlay(
         events, dlos, caption=f"events of the last {_WINDOW_US / 1000:.0f} ms, t = {state.t_us / 1000:.0f} ms"
     )

@@ -20,3 +20,6 @@ class EventTrackerConfig(BaseModel):
         default=2, ge=1, le=1000, description="so many waiting batches are still taken one by one; more are merged"
     )
     most_merged: int = Field(default=4, ge=1, le=100, description="one update takes no more waiting batches than this")
+    most_waiting: int = Field(
+        default=50, ge=1, le=10_000, description="beyond so many waiting batches the oldest are dropped, and counted"
+    )

@@ -7,8 +7,9 @@ so that it costs more than the short ones that it replaces, and the next ones wa
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from motiondlo.events.joining import join
 from motiondlo.events.types import EventBatch
@@ -16,14 +17,39 @@ from motiondlo.rejects import RejectCounter
 from motiondlo.tracking.types import Correction, EventTracker, TrackUpdate
 
 
+@dataclass(frozen=True)
+class Waiting:
+    """A batch that waits for its update."""
+
+    batch: EventBatch
+    t_ingest_ns: int
+
+
+@dataclass(frozen=True)
+class Step:
+    """One update, and what it rests on."""
+
+    update: TrackUpdate
+    t_ingest_ns: int
+    """Host time at which the newest event used entered the system."""
+    whole: bool
+    """No batch is missing just before or in it."""
+
+
 class EventTrackerCore:
     """Feeds an :class:`EventTracker`, one update at a time."""
 
-    def __init__(self, tracker: EventTracker, patience: int, most: int = 4) -> None:
-        """``patience``: so many waiting batches are still taken one by one; ``most``: one update takes no more."""
+    def __init__(self, tracker: EventTracker, patience: int, most: int = 4, most_waiting: int = 50) -> None:
+        """``patience``: so many waiting batches are still taken one by one; ``most``: one update takes no more.
+
+        ``most_waiting``: beyond it the oldest are dropped, so that neither memory nor lag grows without bound.
+        """
         self._tracker = tracker
         self._patience = patience
         self._most = most
+        self._waiting: deque[Waiting] = deque()
+        self._most_waiting = most_waiting
+        self._lost = 0
         self.rejects = RejectCounter()
         self.counts: Counter[str] = Counter()
         self.tracks = 0
@@ -36,9 +62,30 @@ class EventTrackerCore:
         else:
             self.rejects.count(reason, sender)
 
-    def take(self, waiting: int) -> int:
-        """How many of the ``waiting`` batches the next update should take."""
-        return min(waiting, self._most if waiting > self._patience else 1)
+    def push(self, batch: EventBatch, t_ingest_ns: int) -> None:
+        """A batch has arrived, whose newest event entered the system at ``t_ingest_ns``."""
+        self._waiting.append(Waiting(batch, t_ingest_ns))
+        while len(self._waiting) > self._most_waiting:
+            dropped = self._waiting.popleft().batch
+            self._lost += 1 + dropped.lost_before
+
+    @property
+    def waiting(self) -> int:
+        """Batches that wait for an update."""
+        return len(self._waiting)
+
+    def step(self) -> Step | None:
+        """One update with what is due of the waiting batches; None when nothing waits."""
+        count = min(len(self._waiting), self._most if len(self._waiting) > self._patience else 1)
+        if not count:
+            return None
+        taken = [self._waiting.popleft() for _ in range(count)]
+        if self._lost:
+            first = taken[0]
+            taken[0] = replace(first, batch=replace(first.batch, lost_before=first.batch.lost_before + self._lost))
+            self._lost = 0
+        whole = not any(item.batch.lost_before for item in taken)
+        return Step(self.on_batches([item.batch for item in taken]), taken[-1].t_ingest_ns, whole)
 
     def on_batches(self, batches: Sequence[EventBatch]) -> TrackUpdate:
         """One update for one or more consecutive batches (at least one)."""

@@ -6,8 +6,6 @@ import sys
 import time
 
 from motiondlo.bus.session import Bus
-from motiondlo.events.types import EventBatch
-from motiondlo.messages.events import EventBatchMessage
 from motiondlo.messages.track import TrackMessage
 from motiondlo.topics import CORRECTION, EVENTS_BATCH, TRACK
 from motiondlo.tracking.factory import make_tracker, warm_up
@@ -24,42 +22,35 @@ def serve(shell: Shell, bus: Bus) -> None:
     config = shell.section(EventTrackerConfig)
     warm_up(config.profile, config.parameters, shell.cell.geometry)
     core = EventTrackerCore(
-        make_tracker(config.profile, config.parameters, shell.cell.geometry), config.patience, config.most_merged
+        make_tracker(config.profile, config.parameters, shell.cell.geometry),
+        config.patience,
+        config.most_merged,
+        config.most_waiting,
     )
 
     # Bus.
     batches = bus.subscriber(EVENTS_BATCH)
     corrections = bus.subscriber(CORRECTION)
     tracks = bus.publisher(TRACK)
-    waiting: list[tuple[EventBatchMessage, int]] = []
     shell.ready()
 
     # Loop: this thread receives and computes, so that nothing else competes for the interpreter.
     while shell.running:
-        if not waiting:
+        if not core.waiting:
             bus.wait(WAIT_S, batches, corrections)
         corrected = False
         for correction in corrections.drain():
             core.on_correction(correction.to_correction(), correction.source)
             corrected = True
         while (message := batches.recv()) is not None:
-            waiting.append((message, batches.lost_before))
-        count = core.take(len(waiting))
-        if count:
-            taken, waiting = waiting[:count], waiting[count:]
-            update = core.on_batches([_batch(message, lost) for message, lost in taken])
-            newest = taken[-1][0]
-            lost_now = any(lost or message.lost_before for message, lost in taken)
-            tracks.put(TrackMessage.from_update(update, newest.t_ingest_ns, valid=not lost_now))
-            shell.t_us = batches.horizon_us = update.t_us
-            shell.latency("update", time.monotonic_ns() - newest.t_ingest_ns)
+            core.push(message.to_batch(lost_on_the_way=batches.lost_before), message.t_ingest_ns)
+        step = core.step()
+        if step is not None:
+            tracks.put(TrackMessage.from_update(step.update, step.t_ingest_ns, valid=step.whole))
+            shell.t_us = batches.horizon_us = step.update.t_us
+            shell.latency("update", time.monotonic_ns() - step.t_ingest_ns)
         shell.counts.update({name: core.counts[name] - shell.counts[name] for name in core.counts})
-        shell.tick({"tracks": core.tracks, "queue": len(waiting)}, core.rejects.as_dict(), now=corrected)
-
-
-def _batch(message: EventBatchMessage, lost: int) -> EventBatch:
-    """The message's batch; what the wire lost adds to what the ingest dropped."""
-    return message.to_batch(lost_on_the_way=lost)
+        shell.tick({"tracks": core.tracks, "queue": core.waiting}, core.rejects.as_dict(), now=corrected)
 
 
 def main() -> int:

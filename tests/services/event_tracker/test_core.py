@@ -7,7 +7,7 @@ import numpy as np
 from motiondlo.events.types import EVENT_DTYPE, EventBatch, empty_events
 from motiondlo.rejects import RejectReason
 from motiondlo.tracking.types import Correction, CorrectionKind, TrackUpdate
-from motiondlo_services.event_tracker.core import EventTrackerCore
+from motiondlo_services.event_tracker.core import EventTrackerCore, Step
 
 
 class RecordingTracker:
@@ -38,26 +38,47 @@ def correction(t_us: int) -> Correction:
     return Correction(1, 0, t_us, CorrectionKind.RETIRE, np.zeros((0, 2)), none, none)
 
 
+def run_dry(core: EventTrackerCore) -> list[Step]:
+    steps = []
+    while (step := core.step()) is not None:
+        steps.append(step)
+    return steps
+
+
 def test_a_tracker_that_keeps_up_updates_once_a_batch() -> None:
     core = EventTrackerCore(RecordingTracker(), patience=3)
-    assert [core.take(n) for n in (0, 1, 2, 3)] == [0, 1, 1, 1]
+    assert core.step() is None
+    for k, batch in enumerate(batches(3)):
+        core.push(batch, t_ingest_ns=10 * k)
+    assert [(step.update.t_us, step.t_ingest_ns) for step in run_dry(core)] == [(1000, 0), (2000, 10), (3000, 20)]
 
 
 def test_BURST_is_taken_in_few_updates_in_order() -> None:
     tracker = RecordingTracker()
     core = EventTrackerCore(tracker, patience=3, most=4)
-    waiting = batches(8)
-    updates = []
-    while waiting:
-        count = core.take(len(waiting))
-        updates.append(core.on_batches(waiting[:count]))
-        waiting = waiting[count:]
-    assert [update.t_us for update in updates] == [4000, 8000]
+    for k, batch in enumerate(batches(8)):
+        core.push(batch, t_ingest_ns=k)
+    steps = run_dry(core)
+    assert [step.update.t_us for step in steps] == [4000, 8000]
+    assert [step.t_ingest_ns for step in steps] == [3, 7]
+    assert [step.whole for step in steps] == [False, True], "one batch is known to be missing in the first"
     assert [len(batch.events) for batch in tracker.batches] == [8, 8]
     assert all((np.diff(batch.events["t"]) > 0).all() for batch in tracker.batches)
     assert all(batch.events.dtype == EVENT_DTYPE for batch in tracker.batches), "kernels are compiled for this layout"
     assert [batch.lost_before for batch in tracker.batches] == [1, 0]
     assert core.counts["merged_batches"] == 6
+
+
+def test_OVERLOAD_drops_the_oldest_and_says_so() -> None:
+    tracker = RecordingTracker()
+    core = EventTrackerCore(tracker, patience=1, most=2, most_waiting=4)
+    for k, batch in enumerate(batches(10)):
+        core.push(batch, t_ingest_ns=k)
+    assert core.waiting == 4
+    steps = run_dry(core)
+    assert [step.update.t_us for step in steps] == [8000, 10_000]
+    assert tracker.batches[0].lost_before == 7, "six dropped here, one known to be missing before"
+    assert core.counts["lost_batches"] == 7
 
 
 def test_refused_corrections_are_counted_with_their_sender() -> None:
