@@ -34,6 +34,8 @@ class Process:
     """SCHED_FIFO priority, or 0."""
     nice: int
     """Niceness under the normal class."""
+    own_processor: bool
+    """Its computing thread has a processor to itself, where there are two or more."""
     watchdog_s: int
     """The daemon tells systemd that it is alive at least twice in this time."""
     section: str
@@ -52,6 +54,7 @@ PROCESSES: tuple[Process, ...] = (
         scheduling=Scheduling.FIFO,
         priority=42,
         nice=0,
+        own_processor=False,
         watchdog_s=5,
         section="event_ingest",
         paper="Event Branch: batches; Time synchronization",
@@ -65,6 +68,7 @@ PROCESSES: tuple[Process, ...] = (
         scheduling=Scheduling.FIFO,
         priority=40,
         nice=0,
+        own_processor=True,
         watchdog_s=5,
         section="event_tracker",
         paper="Event Branch; CPD Tracker",
@@ -78,6 +82,7 @@ PROCESSES: tuple[Process, ...] = (
         scheduling=Scheduling.FIFO,
         priority=41,
         nice=0,
+        own_processor=False,
         watchdog_s=5,
         section="fusion",
         paper="Fusion Mechanism; Hibernation and Re-initialization",
@@ -91,6 +96,7 @@ PROCESSES: tuple[Process, ...] = (
         scheduling=Scheduling.OTHER,
         priority=0,
         nice=5,
+        own_processor=False,
         watchdog_s=10,
         section="frame_capture",
         paper="Time synchronization",
@@ -104,6 +110,7 @@ PROCESSES: tuple[Process, ...] = (
         scheduling=Scheduling.OTHER,
         priority=0,
         nice=10,
+        own_processor=False,
         watchdog_s=60,
         section="segmenter",
         paper="Frame Branch: SAM 3 Segmentation, Binary Mask Generation, Polyline fitting",

@@ -16,6 +16,7 @@ def process_table() -> str:
     ]
     for row in PROCESSES:
         scheduling = f"FIFO {row.priority}" if row.scheduling == Scheduling.FIFO else f"normal, nice {row.nice}"
+        scheduling += ", own processor" if row.own_processor else ""
         folder = row.module.rsplit(".", 1)[0].replace(".", "/")
         cells = (
             f"`{row.name}`",

@@ -17,9 +17,14 @@ class EventTrackerConfig(BaseModel):
         default_factory=dict, description="parameters of the profile that this cell changes"
     )
     patience: int = Field(
-        default=2, ge=1, le=1000, description="so many waiting batches are still taken one by one; more are merged"
+        default=2,
+        ge=1,
+        le=1000,
+        description="so many waiting batches are published one by one; more share a publication",
     )
-    most_merged: int = Field(default=4, ge=1, le=100, description="one update takes no more waiting batches than this")
+    most_merged: int = Field(
+        default=4, ge=1, le=100, description="one publication takes no more waiting batches than this"
+    )
     most_waiting: int = Field(
-        default=50, ge=1, le=10_000, description="beyond so many waiting batches the oldest are dropped, and counted"
+        default=150, ge=1, le=10_000, description="beyond so many waiting batches the oldest are dropped, and counted"
     )

@@ -1,8 +1,10 @@
-"""Around the tracker: how much waiting work one update takes, and what is counted. No I/O, no clock.
+"""Around the tracker: what waits, how much of it one publication takes, and what is counted. No I/O, no clock.
 
-Overload is answered by less work, never by lag: when batches wait, one update takes several of them (longer batches,
-fewer updates); every batch is still used. Not all of them at once: a long step is predicted badly and searched widely,
-so that it costs more than the short ones that it replaces, and the next ones wait even longer.
+Overload is answered by less work: when batches wait, several of them share one publication (one update each all the
+same, so that load never changes the trajectory), and when too many wait the oldest are dropped and counted.
+
+Considered and rejected: one long update for all that waits. A long step is predicted badly and searched widely, so that
+it costs as much as the short ones that it replaces, and a replay no longer gives what the offline run gives.
 """
 
 from __future__ import annotations
@@ -11,7 +13,6 @@ from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from motiondlo.events.joining import join
 from motiondlo.events.types import EventBatch
 from motiondlo.rejects import RejectCounter
 from motiondlo.tracking.types import Correction, EventTracker, TrackUpdate
@@ -27,7 +28,7 @@ class Waiting:
 
 @dataclass(frozen=True)
 class Step:
-    """One update, and what it rests on."""
+    """One update to publish, and what it rests on."""
 
     update: TrackUpdate
     t_ingest_ns: int
@@ -39,8 +40,8 @@ class Step:
 class EventTrackerCore:
     """Feeds an :class:`EventTracker`, one update at a time."""
 
-    def __init__(self, tracker: EventTracker, patience: int, most: int = 4, most_waiting: int = 50) -> None:
-        """``patience``: so many waiting batches are still taken one by one; ``most``: one update takes no more.
+    def __init__(self, tracker: EventTracker, patience: int, most: int = 4, most_waiting: int = 150) -> None:
+        """``patience``: so many waiting batches are published one by one; ``most``: one publication takes no more.
 
         ``most_waiting``: beyond it the oldest are dropped, so that neither memory nor lag grows without bound.
         """
@@ -75,7 +76,7 @@ class EventTrackerCore:
         return len(self._waiting)
 
     def step(self) -> Step | None:
-        """One update with what is due of the waiting batches; None when nothing waits."""
+        """What is due of the waiting batches, for one publication; None when nothing waits."""
         count = min(len(self._waiting), self._most if len(self._waiting) > self._patience else 1)
         if not count:
             return None
@@ -88,23 +89,12 @@ class EventTrackerCore:
         return Step(self.on_batches([item.batch for item in taken]), taken[-1].t_ingest_ns, whole)
 
     def on_batches(self, batches: Sequence[EventBatch]) -> TrackUpdate:
-        """One update for one or more consecutive batches (at least one)."""
-        batch = batches[0] if len(batches) == 1 else merged(batches)
-        self.counts["updates"] += 1
-        self.counts["events"] += len(batch.events)
+        """Update once for each of one or more consecutive batches; the last update."""
+        for batch in batches:
+            self.counts["updates"] += 1
+            self.counts["events"] += len(batch.events)
+            self.counts["lost_batches"] += batch.lost_before
+            update = self._tracker.update(batch)
         self.counts["merged_batches"] += len(batches) - 1
-        self.counts["lost_batches"] += batch.lost_before
-        update = self._tracker.update(batch)
         self.tracks = len(update.tracks)
         return update
-
-
-def merged(batches: Sequence[EventBatch]) -> EventBatch:
-    """Consecutive batches as one."""
-    return EventBatch(
-        t0_us=batches[0].t0_us,
-        t1_us=batches[-1].t1_us,
-        events=join([batch.events for batch in batches]),
-        triggers=join([batch.triggers for batch in batches]),
-        lost_before=sum(batch.lost_before for batch in batches),
-    )

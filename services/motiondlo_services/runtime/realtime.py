@@ -67,6 +67,27 @@ def _schedule_all_threads(policy: int, priority: int) -> None:
             os.sched_setscheduler(int(thread_id), policy, os.sched_param(priority))
 
 
+def use_processors(process: Process) -> str:
+    """Keep the computing thread of a row with ``own_processor`` on the last processor, and all else off it.
+
+    A loop that shares its processor finds its caches cold at every update, and takes up to twice as long. Only where
+    there are two processors or more that this process may use. Returns what is in force, for health.
+    """
+    allowed = sorted(os.sched_getaffinity(0))
+    if len(allowed) < 2:
+        return "any"
+    own, shared = {allowed[-1]}, set(allowed[:-1])
+    try:
+        for thread_id in os.listdir("/proc/self/task"):
+            with suppress(ProcessLookupError):
+                os.sched_setaffinity(int(thread_id), shared)
+        if process.own_processor:
+            os.sched_setaffinity(0, own)
+    except OSError:
+        return "any (affinity not permitted)"
+    return ",".join(map(str, sorted(own if process.own_processor else shared)))
+
+
 def lock_memory() -> bool:
     """Keep the process's pages in memory (mlockall); False where the limit on locked memory forbids it."""
     libc = ctypes.CDLL(None, use_errno=True)

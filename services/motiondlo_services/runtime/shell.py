@@ -27,7 +27,12 @@ from motiondlo_services.processes import Process, process
 from motiondlo_services.runtime.bus_section import BusSection
 from motiondlo_services.runtime.latency import LatencyWindow
 from motiondlo_services.runtime.notify import Notifier
-from motiondlo_services.runtime.realtime import lock_memory, settle_garbage_collector, use_scheduling
+from motiondlo_services.runtime.realtime import (
+    lock_memory,
+    settle_garbage_collector,
+    use_processors,
+    use_scheduling,
+)
 from motiondlo_services.runtime.shutdown import StopFlag, die_with_parent
 
 Section = TypeVar("Section", bound=BaseModel)
@@ -76,7 +81,7 @@ class Shell:
         settle_garbage_collector()
         if self.cell.cell.realtime:
             locked = lock_memory()
-            self.scheduling = use_scheduling(self.row)
+            self.scheduling = f"{use_scheduling(self.row)}, processor {use_processors(self.row)}"
             self.counts["memory_locked"] = int(locked)
         self.lifecycle = "running"
         if self._bus is not None:

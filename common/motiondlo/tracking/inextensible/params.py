@@ -56,8 +56,9 @@ class InextensibleParams(BaseModel):
 
     # dynamics
     step_ms: float = Field(1.0, ge=0.25, le=10.0, description="a batch is taken in steps of at most this")
-    step_max_ms: float = Field(2.0, ge=0.25, le=20.0, description="the same for batches that were merged under load")
-    merged_ms: float = Field(2.5, ge=0.25, le=100.0, description="a longer batch was merged")
+    slow_step_ms: float = Field(2.0, ge=0.25, le=20.0, description="the same while all that moves moves slowly")
+    slow_velocity: float = Field(1.0, ge=0.0, le=20.0, description="slow is below this, px/ms, for the noise's memory")
+    onset_velocity: float = Field(0.1, ge=0.0, le=20.0, description="below this a motion may just begin: short steps")
     noise_scale: float = Field(0.5, ge=1e-3, le=50.0, description="acceleration noise in motion, px^2/ms^3")
     noise_rest_share: float = Field(0.02, ge=1e-4, le=1.0, description="share of it at rest")
     noise_speed: float = Field(5.0, ge=0.1, le=50.0, description="speed at which the noise is full")

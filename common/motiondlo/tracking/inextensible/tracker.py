@@ -81,8 +81,8 @@ class InextensibleTracker:
             for dlo in self._dlos.values()
             if dlo.stirred(int(self._counts[dlo.id % MASK_BITS]), span_ms) or not dlo.asleep
         ]
-        # Events older than the prediction can bridge are worth little: batches are taken in steps, longer under load.
-        step_ms = self.params.step_ms if span_ms <= self.params.merged_ms else self.params.step_max_ms
+        # Events older than the prediction can bridge are worth little: batches are taken in steps.
+        step_ms = self.params.slow_step_ms if self._slow(awake) else self.params.step_ms
         steps = 1 if span_ms > GAP_MS or not awake else max(1, math.ceil(span_ms / step_ms - 1e-6))
         edges_us, cuts = [since_us, batch.t1_us], [0, len(events)]
         if steps > 1:
@@ -120,6 +120,11 @@ class InextensibleTracker:
             stages_ns=stages,
             rejects=self._gate.rejects.as_dict(),
         )
+
+    def _slow(self, awake: list[InextensibleDlo]) -> bool:
+        """Whether everything that moves has moved slowly for a while, and nothing has just begun to."""
+        p = self.params
+        return all(p.onset_velocity <= dlo.recent_speed < p.slow_velocity for dlo in awake)
 
     def _count_near(self, batch: EventBatch) -> None:
         """Events of the batch near every DLO; the tiles are drawn anew where a DLO has moved."""
