@@ -23,8 +23,8 @@ from motiondlo_services.processes import PROCESSES
 from motiondlo_services.runtime.realtime import use_subscriber_scheduling
 from motiondlo_services.supervisor import Supervisor
 
-_AFTER_S = 0.3
-"""States of the last batches are still on their way when the ingest has finished."""
+_AFTER_S = 0.8
+"""The run ends so long after the last state since the ingest has finished: a last health message is in by then."""
 _WAIT_S = 0.02
 _CPU_PERIOD_S = 0.25
 _LOAD_PERIOD_S = 0.05
@@ -103,7 +103,7 @@ def play(
         load = _SegmenterLoad(bus) if segmenter_load else None
         stack.enter_context(use_subscriber_scheduling())
         cpu = _CpuMeter()
-        end_s, next_s = float("inf"), 0.0
+        end_s, next_s, seen = float("inf"), 0.0, -1
         try:
             while (now_s := time.monotonic()) < min(end_s, deadline_s):
                 bus.wait(_WAIT_S, states, health)
@@ -121,8 +121,8 @@ def play(
                 if load is not None and run.states:
                     load.step(now_s)
                 cpu.step(run, supervisor, now_s)
-                if supervisor.children["event-ingest"].finished and end_s == float("inf"):
-                    end_s = time.monotonic() + _AFTER_S
+                if supervisor.children["event-ingest"].finished and len(run.states) != seen:
+                    seen, end_s = len(run.states), now_s + _AFTER_S
         finally:
             run.events += [f"{name} had to be killed" for name in supervisor.stop()]
             if load is not None:
