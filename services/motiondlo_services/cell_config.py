@@ -7,8 +7,7 @@ from pathlib import Path
 from pydantic import BaseModel
 
 from motiondlo.config.cell import CalibrationSection, Cell, CellSection, ReplaySection, load_cell
-from motiondlo.config.loader import read_toml
-from motiondlo.config.validation import validated
+from motiondlo.config.loader import load_section, read_toml
 from motiondlo.errors import ConfigError
 from motiondlo.tracking.factory import tracker_params
 from motiondlo_services.event_ingest.config import EventIngestConfig
@@ -36,15 +35,11 @@ def check_configuration(path: Path) -> Cell:
 
     Raises ConfigError for an unknown section, or naming file, field, value and bound of whatever is wrong.
     """
-    tables = read_toml(path)
-    unknown = sorted(set(tables) - set(SECTIONS))
+    unknown = sorted(set(read_toml(path)) - set(SECTIONS))
     if unknown:
         raise ConfigError(f"{path}: [{unknown[0]}]: no such section.", f"Sections: {', '.join(SECTIONS)}.")
     for name, model in SECTIONS.items():
-        table = tables.get(name, {})
-        if not isinstance(table, dict):
-            raise ConfigError(f"{path}: {name} is no table.", f"Write it as [{name}].")
-        section = validated(model, table, f"{path}: [{name}]")
+        section = load_section(path, name, model)
         if isinstance(section, EventTrackerConfig):
             try:
                 tracker_params(section.profile, section.parameters)
@@ -55,4 +50,4 @@ def check_configuration(path: Path) -> Cell:
 
 def bus_section(path: Path) -> BusSection:
     """The file's ``[bus]``. Raises ConfigError."""
-    return validated(BusSection, read_toml(path).get("bus", {}), f"{path}: [bus]")
+    return load_section(path, "bus", BusSection)

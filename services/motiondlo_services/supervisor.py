@@ -35,7 +35,6 @@ class Child:
     failures_in_a_row: int = 0
     restarts: int = 0
     finished: bool = False
-    last_exit: int | None = None
 
     @property
     def pid(self) -> int | None:
@@ -69,7 +68,7 @@ class Supervisor:
             code = child.popen.poll()
             if code is None:
                 continue
-            child.popen, child.last_exit = None, code
+            child.popen = None
             if code == 0:
                 child.finished = True
                 lines.append(f"{child.row.name} has finished")
@@ -97,7 +96,6 @@ class Supervisor:
                 popen.kill()
                 popen.wait()
                 killed.append(child.row.name)
-            child.last_exit = popen.returncode
             child.popen = None
         return killed
 

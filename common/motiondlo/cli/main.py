@@ -16,7 +16,7 @@ from motiondlo import __version__
 from motiondlo.cli.commands import COMMANDS, Command, find_command
 from motiondlo.errors import MotionDLOError
 
-DONE, FAILED, INTERRUPTED = 0, 1, 130
+FAILED, INTERRUPTED = 1, 130
 
 
 def main(argv: Sequence[str] | None = None, commands: tuple[Command, ...] = COMMANDS) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +83,10 @@ class Cell:
 
     def recording(self) -> Recording | None:
         """The recording to replay, or None for a live cell. Raises RecordingError when it cannot be opened."""
+        return self._recording
+
+    @cached_property
+    def _recording(self) -> Recording | None:
         return open_recording(self.resolve(self.replay.recording)) if self.replay.recording else None
 
     def event_from_rgb(self) -> FloatArray:

@@ -113,7 +113,6 @@ class StreamDecoder:
         self._runs = np.zeros((word_bytes, R_COUNT), np.int64)
         self._scan = 0
         self._damage_start = 0
-        self._position = 0
 
     @property
     def damage(self) -> dict[str, int]:

@@ -32,11 +32,6 @@ def wire_dtype(dtype: np.dtype[Any]) -> WireDtype:
     return tuple((str(name), str(kind)) for name, kind, *_ in dtype.descr)
 
 
-def pack_array(array: Array) -> dict[str, object]:
-    """The wire map of a plain (unstructured) array; the data is C-contiguous, in the array's own byte order."""
-    return {"dtype": array.dtype.str, "shape": array.shape, "data": array.tobytes()}
-
-
 @dataclass(frozen=True)
 class ArraySpec:
     """What an array field must be. Used as ``Annotated[Array, ArraySpec(...)]`` and by the hand-written readers."""

@@ -54,14 +54,12 @@ def make_tracker(
 
 def warm_up(profile: str, overrides: Mapping[str, Any], geometry: SensorGeometry) -> None:
     """Compile, or load from the cache, every kernel of the profile: made-up DLOs, at rest and moving, for a moment."""
-    params = tracker_params(profile, overrides)
-    if profile == "default":
-        from motiondlo.tracking.inextensible.params import InextensibleParams
-        from motiondlo.tracking.inextensible.warm_up import run_small_scene
-
-        assert isinstance(params, InextensibleParams)
-        run_small_scene(params)
     tracker = make_tracker(profile, overrides, geometry)
+    if profile == "default":
+        from motiondlo.tracking.inextensible.tracker import InextensibleTracker
+
+        assert isinstance(tracker, InextensibleTracker)
+        tracker.warm_up()  # a scene of its own reaches what the sweep below does not: grippers, covers, new ends
     y = geometry.height_px / 2.0
     nodes = np.stack([np.linspace(0.2, 0.8, 40) * geometry.width_px, np.full(40, y)], axis=1)
     sigma = np.full(40, 1.0)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from motiondlo.config.cell import Cell
+from motiondlo.config.loader import load_section
 from motiondlo.errors import MotionDLOError
 from motiondlo.events.reader import open_events
 from motiondlo.frames.backend import create_backend
@@ -94,8 +95,6 @@ def _scale(cell: Cell) -> Finding:
 
 
 def _segmenter(cell: Cell) -> Finding:
-    from motiondlo.config.loader import load_section
-
     try:
         backend = create_backend(load_section(cell.path, "segmenter", SegmenterConfig))
     except MotionDLOError as error:

@@ -96,9 +96,7 @@ class _Player:
             )
         shell = self._shell
         shell.t_us = self._core.t_us
-        shell.counts.update(
-            {name: getattr(self._core, name) - shell.counts[name] for name in ("batches", "events", "lost")}
-        )
+        shell.take_over({"batches": self._core.batches, "events": self._core.events, "lost": self._core.lost})
         self._send_clock()
         shell.lifecycle = "degraded" if self._core.overloaded else "running"
         damage = {f"damage {kind}": count for kind, count in self._events.damage.items()}

@@ -49,7 +49,7 @@ def serve(shell: Shell, bus: Bus) -> None:
             tracks.put(TrackMessage.from_update(step.update, step.t_ingest_ns, valid=step.whole))
             shell.t_us = batches.horizon_us = step.update.t_us
             shell.latency("update", time.monotonic_ns() - step.t_ingest_ns)
-        shell.counts.update({name: core.counts[name] - shell.counts[name] for name in core.counts})
+        shell.take_over(core.counts)
         shell.tick({"tracks": core.tracks, "queue": core.waiting}, core.rejects.as_dict(), now=corrected)
 
 

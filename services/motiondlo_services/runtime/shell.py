@@ -96,6 +96,11 @@ class Shell:
             window = self.latencies[name] = LatencyWindow()
         window.add(value_ns)
 
+    def take_over(self, totals: Mapping[str, int]) -> None:
+        """Show a core's own counts: its totals replace what was shown of them."""
+        for name, total in totals.items():
+            self.counts[name] = total
+
     def tick(self, info: Mapping[str, bool | int | float | str], rejects: Mapping[str, int], now: bool = False) -> None:
         """Health and watchdog when they are due, or ``now`` because something has changed."""
         now_ns = time.monotonic_ns()

@@ -43,7 +43,7 @@ def serve(shell: Shell, bus: Bus) -> None:
             segmentations.put(SegmentationMessage.from_segmentation(result, message.request_id))
             shell.t_us = message.t_us
             shell.latency("segment", int(result.elapsed_ms * 1e6))
-            shell.counts.update({name: core.counts[name] - shell.counts[name] for name in core.counts})
+            shell.take_over(core.counts)
             shell.problems = (core.problem,) if core.problem else ()
             shell.lifecycle = "degraded" if core.degraded else "running"
         shell.tick({"backend": backend.name}, core.rejects.as_dict(), now=message is not None)
