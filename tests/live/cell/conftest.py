@@ -18,11 +18,11 @@ MakeCell = Callable[..., Path]
 def make_cell(tmp_path: Path) -> MakeCell:
     """Writes a configuration: ``make_cell(recording=..., section={...})``; without a recording, the bundled one.
 
-    Played at half speed: a shared machine must not decide what is tested.
+    Played at a quarter of real speed: a shared machine must not decide what is tested.
     """
 
     def make(recording: Path | None = None, **sections: dict[str, Scalar]) -> Path:
-        merged: Sections = {"replay": {"speed": 0.5, "wait_for_tracker_s": 60.0}}
+        merged: Sections = {"replay": {"speed": 0.25, "wait_for_tracker_s": 60.0}}
         for name, values in sections.items():
             merged.setdefault(name, {}).update(values)
         return write_replay_cell(tmp_path / "cell.toml", recording or bundled_recording(), "test", merged)
