@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from time import perf_counter_ns
 
@@ -40,6 +41,12 @@ class StageTimes:
         now = perf_counter_ns()
         self.ns[stage] = self.ns.get(stage, 0) + now - self._last
         self._last = now
+
+    def split(self, stage: str, parts: Mapping[str, int]) -> None:
+        """Show the parts of a stage that measured itself; what they do not account for stays with the stage."""
+        for name, ns in parts.items():
+            self.ns[f"{stage}.{name}"] = self.ns.get(f"{stage}.{name}", 0) + ns
+        self.ns[stage] = max(0, self.ns.get(stage, 0) - sum(parts.values()))
 
     @property
     def total_ms(self) -> float:
@@ -84,6 +91,7 @@ def segment_frame(
         else backend.segment(image_bgr, background, frame_name)
     )
     times.lap("segment")
+    times.split("segment", masks.stages_ns)
     scene = Scene(image_bgr, background, board)
     mask = refined_mask(masks, board, params)
     times.lap("clean")
