@@ -13,10 +13,11 @@ from motiondlo.errors import ConfigError
 from motiondlo.frames.checks import FrameFailure
 from motiondlo.frames.classical import ClassicalBackend
 from motiondlo.frames.masks import MaskSet
-from motiondlo.frames.onnx_backend import OnnxBackend
+from motiondlo.frames.onnx_backend import OnnxBackend, check_onnx
 from motiondlo.frames.params import FrameParams
 from motiondlo.frames.replay import ReplayBackend
 from motiondlo.frames.sam3_backend import Sam3Backend
+from motiondlo.frames.sam3_weights import check_sam3
 
 Image = npt.NDArray[np.uint8]
 
@@ -48,14 +49,19 @@ class BackendUnavailable(Exception):
 @dataclass(frozen=True)
 class _Row:
     make: Callable[[FrameParams], SegmenterBackend]
-    runs_model: bool = False
+    check_model: Callable[[FrameParams], object] | None = None
+    """For backends that run a model: whether package and files are there."""
 
 
 _BACKENDS = {
     "classical": _Row(lambda params: ClassicalBackend(params.foreground)),
-    "onnx": _Row(lambda params: OnnxBackend(params.onnx, params.foreground.work_width_px), runs_model=True),
+    "onnx": _Row(
+        lambda params: OnnxBackend(params.onnx, params.foreground.work_width_px), lambda p: check_onnx(p.onnx)
+    ),
     "replay": _Row(lambda params: ReplayBackend(params.replay_folder)),
-    "sam3": _Row(lambda params: Sam3Backend(params.sam3, params.foreground.work_width_px), runs_model=True),
+    "sam3": _Row(
+        lambda params: Sam3Backend(params.sam3, params.foreground.work_width_px), lambda p: check_sam3(p.sam3)
+    ),
 }
 
 
@@ -66,7 +72,14 @@ def backend_names() -> tuple[str, ...]:
 
 def runs_model(name: str) -> bool:
     """Whether a backend loads a model for seconds and may hang in it: a daemon gives it a process of its own."""
-    return name in _BACKENDS and _BACKENDS[name].runs_model
+    return name in _BACKENDS and _BACKENDS[name].check_model is not None
+
+
+def check_model(params: FrameParams) -> None:
+    """Look, without loading anything, for what the backend's model needs. Raises ConfigError for what is missing."""
+    check = _BACKENDS[params.backend].check_model if params.backend in _BACKENDS else None
+    if check is not None:
+        check(params)
 
 
 def create_backend(params: FrameParams) -> SegmenterBackend:

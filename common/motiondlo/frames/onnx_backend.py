@@ -31,8 +31,7 @@ class OnnxBackend:
         Raises ConfigError when the package or a file is missing, the file cannot be loaded or run, or its inputs and
         outputs are not as the configuration says.
         """
-        if importlib.util.find_spec("onnxruntime") is None:
-            raise ConfigError("backend onnx needs onnxruntime.", HOW_TO_INSTALL)
+        check_onnx(params)
         self._params = params
         self._work_width_px = work_width_px
         self._session = _open(params)
@@ -102,12 +101,20 @@ class OnnxBackend:
         return kept
 
 
+def check_onnx(params: OnnxParams) -> None:
+    """Package and files. Raises ConfigError for what is missing."""
+    if importlib.util.find_spec("onnxruntime") is None:
+        raise ConfigError("backend onnx needs onnxruntime.", HOW_TO_INSTALL)
+    if not params.model or not Path(params.model).expanduser().is_file():
+        raise ConfigError(f"onnx model {params.model!r}: no such file.", "Set [segmenter.onnx] model to the ONNX file.")
+    if params.further_inputs and not Path(params.further_inputs).expanduser().is_file():
+        raise ConfigError(f"onnx further_inputs {params.further_inputs!r}: no such file.", "Give an npz file.")
+
+
 def _open(params: OnnxParams) -> Any:
     import onnxruntime
 
     path = Path(params.model).expanduser()
-    if not params.model or not path.is_file():
-        raise ConfigError(f"onnx model {params.model!r}: no such file.", "Set [segmenter.onnx] model to the ONNX file.")
     provider = _PROVIDERS[params.provider]
     if provider not in onnxruntime.get_available_providers():
         raise ConfigError(

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from motiondlo.errors import ConfigError
 from motiondlo.frames.backend_params import Sam3Params
-from motiondlo.frames.sam3_weights import HOW_TO_GET_WEIGHTS, HOW_TO_INSTALL, MODEL_CLASSES, locate, missing_packages
+from motiondlo.frames.sam3_weights import HOW_TO_GET_WEIGHTS, MODEL_CLASSES, check_sam3
 
 Image = npt.NDArray[np.uint8]
 FloatArray = npt.NDArray[np.float32]
@@ -142,10 +142,7 @@ def load_network(params: Sam3Params) -> Sam3Network:
 
     Raises ConfigError when a package, the weights or the device are missing, or the weights are of something else.
     """
-    missing = missing_packages()
-    if missing:
-        raise ConfigError(f"backend sam3 needs {', '.join(missing)}.", HOW_TO_INSTALL)
-    location = locate(params.model)
+    location = check_sam3(params)
     os.environ.setdefault("HF_HUB_DISABLE_PROGRESS_BARS", "1")
     import torch
     import transformers

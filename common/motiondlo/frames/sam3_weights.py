@@ -8,6 +8,7 @@ from importlib import metadata
 from pathlib import Path
 
 from motiondlo.errors import ConfigError
+from motiondlo.frames.backend_params import Sam3Params
 
 HOW_TO_INSTALL = "Install them: pip install 'motiondlo[sam3]'."
 HOW_TO_GET_WEIGHTS = (
@@ -40,6 +41,14 @@ def missing_packages() -> tuple[str, ...]:
 def package_versions() -> dict[str, str]:
     """Versions of the packages that are installed."""
     return {name: metadata.version(name) for name in _PACKAGES if importlib.util.find_spec(name) is not None}
+
+
+def check_sam3(params: Sam3Params) -> WeightsLocation:
+    """Packages and weights. Raises ConfigError for what is missing; a hub name is taken as it is."""
+    missing = missing_packages()
+    if missing:
+        raise ConfigError(f"backend sam3 needs {', '.join(missing)}.", HOW_TO_INSTALL)
+    return locate(params.model)
 
 
 def locate(model: str) -> WeightsLocation:
