@@ -146,6 +146,7 @@ def load_network(params: Sam3Params) -> Sam3Network:
     os.environ.setdefault("HF_HUB_DISABLE_PROGRESS_BARS", "1")
     import torch
     import transformers
+    from safetensors import SafetensorError
 
     transformers.logging.set_verbosity_error()
     transformers.logging.disable_progress_bar()
@@ -164,7 +165,7 @@ def load_network(params: Sam3Params) -> Sam3Network:
         model, report = getattr(transformers, class_name).from_pretrained(
             location.source, local_files_only=local, dtype=dtype, output_loading_info=True
         )
-    except (OSError, ValueError, ImportError) as error:
+    except (OSError, ValueError, ImportError, RuntimeError, SafetensorError) as error:
         what = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
         raise ConfigError(f"sam3 model {params.model}: cannot be loaded: {what}.", HOW_TO_GET_WEIGHTS) from error
     absent = sorted(report["missing_keys"])

@@ -38,7 +38,7 @@ def random_model(size: Size, seed: int, device: Any, dtype: Any) -> Any:
         torch.set_default_dtype(before)
 
 
-def tiny_config(patches: int = 8) -> Any:
+def tiny_config(patches: int = 8, width: int = 32) -> Any:
     """Every part of the architecture, each as small as it can be; images of ``14 * patches`` px."""
     from transformers import CLIPTextConfig, Sam3Config
     from transformers.models.sam3.configuration_sam3 import (
@@ -50,8 +50,7 @@ def tiny_config(patches: int = 8) -> Any:
         Sam3ViTConfig,
     )
 
-    width, heads = 32, 2
-    small = {"hidden_size": width, "num_attention_heads": heads}
+    small = {"hidden_size": width, "num_attention_heads": 2}
     backbone = Sam3ViTConfig(
         **small,
         intermediate_size=64,
