@@ -46,6 +46,7 @@ COMMANDS = (
     Command("bench", "motiondlo.cli.bench", "time per update and per stage on this machine"),
     Command("bench live", "motiondlo_services.commands.bench_live", "end-to-end latency through the real daemons"),
     Command("info", "motiondlo.cli.info", "summarise a recording or an events file"),
+    Command("certs", "motiondlo.cli.certs", "make, list and renew the certificates of the gate and its visitors"),
     Command("doctor", "motiondlo_services.commands.doctor", "check this machine and a cell's configuration"),
 )
 
