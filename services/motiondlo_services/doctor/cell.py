@@ -8,15 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from motiondlo.config.cell import Cell
-from motiondlo.config.loader import load_section
 from motiondlo.errors import MotionDLOError
 from motiondlo.events.reader import open_events
-from motiondlo.frames.backend import create_backend
 from motiondlo.geometry.homography import warp_points
 from motiondlo_services.cell_config import bus_section, check_configuration
 from motiondlo_services.doctor.findings import Finding, failure, ok, warning
+from motiondlo_services.doctor.segmenter import check_segmenter
 from motiondlo_services.runtime.bus_section import BusSection
-from motiondlo_services.segmenter.config import SegmenterConfig
 
 
 def check_cell(path: Path) -> list[Finding]:
@@ -27,7 +25,8 @@ def check_cell(path: Path) -> list[Finding]:
         return [failure("configuration", error.what, error.what_to_do)]
     findings = [ok("configuration", f"{path}: every section is valid")]
     findings += _recording(cell)
-    findings += [_homography(cell), _background(cell), _scale(cell), _segmenter(cell)]
+    findings += [_homography(cell), _background(cell), _scale(cell)]
+    findings += check_segmenter(cell)
     findings += _endpoints(bus_section(path))
     return findings
 
@@ -92,14 +91,6 @@ def _scale(cell: Cell) -> Finding:
     if px_per_mm is None:
         return warning("scale", "px_per_mm is not known", "Set [calibration] px_per_mm to have nodes_mm in the state.")
     return ok("scale", f"{px_per_mm:.3f} px/mm")
-
-
-def _segmenter(cell: Cell) -> Finding:
-    try:
-        backend = create_backend(load_section(cell.path, "segmenter", SegmenterConfig))
-    except MotionDLOError as error:
-        return failure("segmenter", error.what, error.what_to_do)
-    return ok("segmenter", f"backend {backend.name}")
 
 
 def _endpoints(section: BusSection) -> list[Finding]:
