@@ -21,6 +21,7 @@ from motiondlo.frames.masks import Mask, MaskSet, fit_mask, union
 from motiondlo.frames.params import FrameParams
 from motiondlo.frames.segments import Screen, Segment, is_plausible, measure_segment, without_overlaps, without_repeats
 from motiondlo.frames.skeleton_graph import build_graph, distance_inside, prune_spurs, skeletonise
+from motiondlo.frames.smear import rise_px
 from motiondlo.frames.strip import Scene
 from motiondlo.frames.traversal import Chain, traverse
 from motiondlo.frames.types import Segmentation
@@ -107,7 +108,8 @@ def segment_frame(
     instances = tuple(make_instance(scene, dlo, event_from_rgb, score, params) for score, dlo in sharp)
     times.lap("fit")
     if not instances:
-        return failed(FrameFailure.BLURRED if dlos or smeared else FrameFailure.NOTHING_FOUND)
+        smeared = smeared or bool(dlos) or any(is_smeared(rise_px(scene, chain), scene, params) for chain in chains)
+        return failed(FrameFailure.BLURRED if smeared else FrameFailure.NOTHING_FOUND)
     return Segmentation(t_us, frame_name, instances, backend=backend.name, elapsed_ms=times.total_ms)
 
 
