@@ -26,6 +26,11 @@ class Sam3Backend:
         """``sam3``."""
         return "sam3"
 
+    @property
+    def runs_on(self) -> str:
+        """Device, number type and size, for people."""
+        return self._network.runs_on
+
     def segment(self, image_bgr: Image, background: Image | None, frame_name: str) -> MaskSet:
         """Masks at working size, the largest first, each with its score; duplicates between prompts are gone."""
         times = ModelTimes()

@@ -62,6 +62,25 @@ class Sam3Network:
         # The prompts never change, so that the text encoder (353 M parameters) has done its work.
         self._model.text_encoder = torch.nn.Identity()
 
+    @property
+    def runs_on(self) -> str:
+        """Device, number type, parameters; and what they took of an accelerator's memory at most."""
+        parts = [
+            str(self._device),
+            str(self._dtype).removeprefix("torch."),
+            f"{self.parameters / 1e6:.1f} M parameters",
+        ]
+        if self._device.type == "cuda":
+            parts[0] = self._torch.cuda.get_device_name(self._device)
+            parts.append(f"{self._torch.cuda.max_memory_allocated(self._device) / 2**30:.1f} GiB")
+        return ", ".join(parts)
+
+    def warm_up(self) -> None:
+        """An accelerator compiles and chooses its kernels with the first image; a processor has nothing to prepare."""
+        if self._device.type == "cuda":
+            grey = np.full((*self.input_size, 3), 128, np.uint8)
+            self.find(grey, lambda scores: np.arange(0), ModelTimes())
+
     def _encode(self, prompt: str, tokenizer: Tokenizer, tokens: int) -> tuple[Any, Any]:
         with self._torch.inference_mode():
             text = tokenizer(prompt, return_tensors="pt", padding="max_length", truncation=True, max_length=tokens)
@@ -173,4 +192,6 @@ def load_network(params: Sam3Params) -> Sam3Network:
         raise ConfigError(
             f"sam3 model {params.model}: {len(absent)} weights are missing ({absent[0]} ...).", HOW_TO_GET_WEIGHTS
         )
-    return Sam3Network(model, tokenizer, params.prompts, device, dtype)
+    network = Sam3Network(model, tokenizer, params.prompts, device, dtype)
+    network.warm_up()
+    return network
