@@ -130,7 +130,7 @@ EVENTS_CLOCK: Final[Topic[ClockMessage]] = Topic(
     shared_memory=False,
     max_payload_bytes=4 * KIB,
     owner="event-ingest",
-    readers=("recorder", "clients"),
+    readers=("frame-capture", "recorder", "clients"),
     last_value=True,
 )
 

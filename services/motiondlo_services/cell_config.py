@@ -6,6 +6,7 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
+from motiondlo.cameras.config import CamerasSection
 from motiondlo.config.cell import CalibrationSection, Cell, CellSection, ReplaySection, load_cell
 from motiondlo.config.loader import load_section, read_toml
 from motiondlo.errors import ConfigError
@@ -21,6 +22,7 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "cell": CellSection,
     "calibration": CalibrationSection,
     "replay": ReplaySection,
+    "cameras": CamerasSection,
     "bus": BusSection,
     "event_ingest": EventIngestConfig,
     "event_tracker": EventTrackerConfig,
