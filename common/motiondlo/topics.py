@@ -206,7 +206,7 @@ STATE: Final[Topic[StateMessage]] = Topic(
     shared_memory=False,
     max_payload_bytes=4 * MIB,
     owner="fusion",
-    readers=("event-ingest", "gateway", "monitor", "recorder", "clients"),
+    readers=("event-ingest", "gate", "gateway", "monitor", "recorder", "clients"),
     last_value=True,
 )
 
@@ -222,7 +222,7 @@ HEALTH: Final[Topic[HealthMessage]] = Topic(
     shared_memory=False,
     max_payload_bytes=256 * KIB,
     owner="each daemon",
-    readers=("event-ingest", "monitor", "recorder", "clients"),
+    readers=("event-ingest", "gate", "monitor", "recorder", "clients"),
     last_value=True,
 )
 

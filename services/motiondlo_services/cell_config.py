@@ -15,6 +15,8 @@ from motiondlo_services.event_ingest.config import EventIngestConfig
 from motiondlo_services.event_tracker.config import EventTrackerConfig
 from motiondlo_services.frame_capture.config import FrameCaptureConfig
 from motiondlo_services.fusion.config import FusionConfig
+from motiondlo_services.gate.config import GateConfig
+from motiondlo_services.processes import PROCESSES, Process
 from motiondlo_services.runtime.bus_section import BusSection
 from motiondlo_services.segmenter.config import SegmenterConfig
 
@@ -29,6 +31,7 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "fusion": FusionConfig,
     "frame_capture": FrameCaptureConfig,
     "segmenter": SegmenterConfig,
+    "gate": GateConfig,
 }
 
 
@@ -53,3 +56,12 @@ def check_configuration(path: Path) -> Cell:
 def bus_section(path: Path) -> BusSection:
     """The file's ``[bus]``. Raises ConfigError."""
     return load_section(path, "bus", BusSection)
+
+
+def wanted_processes(path: Path) -> tuple[Process, ...]:
+    """The rows of the daemons that this cell runs: all but those whose section says ``enabled = false``.
+
+    Raises ConfigError.
+    """
+    sections = {row.name: load_section(path, row.section, SECTIONS[row.section]) for row in PROCESSES}
+    return tuple(row for row in PROCESSES if getattr(sections[row.name], "enabled", True))

@@ -18,8 +18,7 @@ def run(args: Namespace) -> int:
     """Supervise until told to stop."""
     import sys
 
-    from motiondlo_services.cell_config import bus_section, check_configuration
-    from motiondlo_services.processes import PROCESSES
+    from motiondlo_services.cell_config import bus_section, check_configuration, wanted_processes
     from motiondlo_services.runtime.shutdown import StopFlag
     from motiondlo_services.supervisor import Supervisor, supervise
 
@@ -31,10 +30,11 @@ def run(args: Namespace) -> int:
     cell.event_from_rgb()
     cell.background()
     stop = StopFlag().install()
-    say(f"cell {cell.cell.name}: starting {', '.join(row.name for row in PROCESSES)}")
+    rows = wanted_processes(args.config)
+    say(f"cell {cell.cell.name}: starting {', '.join(row.name for row in rows)}")
     say(f"state: motiondlo/{cell.cell.name}/state at {bus_section(args.config).all_endpoints()['fusion']}")
     supervise(
-        Supervisor(args.config.resolve(), PROCESSES),
+        Supervisor(args.config.resolve(), rows),
         stopped=lambda: bool(stop),
         say=say,
         until_finished=("event-ingest",) if args.until_finished else (),
