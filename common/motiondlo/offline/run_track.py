@@ -107,7 +107,7 @@ def rows_of(states: Iterator[FusedState]) -> Tracks:
     builder = TracksBuilder()
     for state in states:
         for dlo in state.dlos:
-            builder.add(state.t_us, dlo.id, dlo.nodes, dlo.sigma_px, dlo.source)
+            builder.add(state.t_us, dlo.id, dlo.nodes, dlo.sigma_px, dlo.source, dlo.sigma_tangent_px, dlo.confidence)
     return builder.build()
 
 
