@@ -13,6 +13,7 @@ from motiondlo.events.reader import open_events
 from motiondlo.geometry.homography import warp_points
 from motiondlo_services.cell_config import bus_section, check_configuration
 from motiondlo_services.doctor.findings import Finding, failure, ok, warning
+from motiondlo_services.doctor.security import check_security
 from motiondlo_services.doctor.segmenter import check_segmenter
 from motiondlo_services.runtime.bus_section import BusSection
 
@@ -28,6 +29,7 @@ def check_cell(path: Path) -> list[Finding]:
     findings += [_homography(cell), _background(cell), _scale(cell)]
     findings += check_segmenter(cell)
     findings += _endpoints(bus_section(path))
+    findings += check_security(cell, bus_section(path))
     return findings
 
 
@@ -98,17 +100,10 @@ def _endpoints(section: BusSection) -> list[Finding]:
     for daemon, endpoint in section.all_endpoints().items():
         protocol, _, address = endpoint.partition("/")
         host, _, port = address.rpartition(":")
-        if protocol not in ("tcp", "tls") or not port.isdigit():
+        if protocol != "tcp":
             continue
-        if host not in ("127.0.0.1", "localhost", "[::1]"):
-            findings.append(
-                warning(
-                    "endpoints",
-                    f"{daemon} listens on {endpoint}, beyond this host",
-                    "Keep daemons on loopback; let others in through a gate with access control.",
-                )
-            )
-        with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        family = socket.AF_INET6 if host.startswith("[") else socket.AF_INET
+        with socket.socket(family, socket.SOCK_STREAM) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
                 probe.bind((host.strip("[]"), int(port)))
@@ -120,4 +115,4 @@ def _endpoints(section: BusSection) -> list[Finding]:
                         "Fine if the cell is running; otherwise set [bus] first_port.",
                     )
                 )
-    return findings or [ok("endpoints", "all free, all on loopback")]
+    return findings or [ok("endpoints", "all free, all within this host")]

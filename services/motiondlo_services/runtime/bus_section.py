@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import stat
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from motiondlo.errors import ConfigError
 from motiondlo_services.processes import PROCESSES
 
 _FIRST_PORT = 7451
+_WITHIN_HOST = r"tcp/(127\.0\.0\.1|localhost|\[::1\]):\d{1,5}|unixsock-stream//[^?#]+"
+"""Only the gate listens to anything else."""
 
 
 def default_endpoints(first_port: int = _FIRST_PORT) -> dict[str, str]:
@@ -71,6 +74,9 @@ class BusSection(BaseModel):
         unknown = sorted(set(endpoints) - set(_mesh()))
         if unknown:
             raise ValueError(f"the name of a daemon, and {', '.join(unknown)} is none")
+        for daemon, endpoint in endpoints.items():
+            if re.fullmatch(_WITHIN_HOST, endpoint) is None:
+                raise ValueError(f"on loopback (tcp/127.0.0.1:PORT) or a unix socket, and {daemon} is at {endpoint}")
         return endpoints
 
     def all_endpoints(self) -> dict[str, str]:
