@@ -25,6 +25,7 @@ from motiondlo.frames.smear import rise_px
 from motiondlo.frames.strip import Scene
 from motiondlo.frames.traversal import Chain, traverse
 from motiondlo.frames.types import Segmentation
+from motiondlo.geometry.camera_map import CameraMap
 from motiondlo.geometry.curve import arc_length
 
 FloatArray = npt.NDArray[np.float64]
@@ -58,7 +59,7 @@ class StageTimes:
 def segment_frame(
     image_bgr: Image,
     background: Image | None,
-    event_from_rgb: FloatArray | None,
+    event_from_rgb: FloatArray | CameraMap | None,
     params: FrameParams,
     t_us: int,
     frame_name: str,

@@ -18,6 +18,7 @@ from motiondlo.frames.checks import FrameFailure
 from motiondlo.frames.params import FrameParams
 from motiondlo.frames.pipeline import StageTimes, segment_frame
 from motiondlo.frames.types import Segmentation
+from motiondlo.geometry.camera_map import CameraMap
 from motiondlo.rejects import RejectCounter, RejectReason
 
 Image = npt.NDArray[np.uint8]
@@ -40,7 +41,7 @@ class SegmenterCore:
         self,
         params: FrameParams,
         backend: SegmenterBackend,
-        event_from_rgb: npt.NDArray[np.float64] | None = None,
+        event_from_rgb: npt.NDArray[np.float64] | CameraMap | None = None,
         background: Image | None = None,
         policy: BackoffPolicy | None = None,
         frame_size: tuple[int, int] | None = None,

@@ -29,7 +29,7 @@ def serve(shell: Shell, bus: Bus) -> None:
     with ExitStack() as stack:
         backend = _backend(config, shell, stack)
         background = shell.cell.background()
-        event_from_rgb = shell.cell.event_from_rgb()
+        event_from_rgb = shell.cell.event_map()
         if background is not None:
             warm = SegmenterCore(config, ClassicalBackend(config.foreground), event_from_rgb, background)
             warm.on_frame(background, -1, "warm-up")
