@@ -61,12 +61,16 @@ class Timing:
             "update_ms": percentiles(update_ms),
             "update_moving_ms": percentiles(update_ms[self.moving]),
             "update_cpu_ms": percentiles(self.cpu_ns / 1e6),
-            "stages_ms": {
-                name: {key: value for key, value in percentiles(ns / 1e6).items() if key != "max"}
-                for name, ns in self.stages_ns.items()
-            },
+            "stages_ms": self._stages(np.ones(len(update_ms), np.bool_)),
+            "stages_moving_ms": self._stages(self.moving),
             "events": self.events,
             "events_per_s": round(self.events / max(self.total_ns.sum() / 1e9, 1e-9)),
+        }
+
+    def _stages(self, use: npt.NDArray[np.bool_]) -> dict[str, dict[str, float | None]]:
+        return {
+            name: {key: value for key, value in percentiles(ns[use] / 1e6).items() if key != "max"}
+            for name, ns in self.stages_ns.items()
         }
 
 
