@@ -53,6 +53,19 @@ def check_configuration(path: Path) -> Cell:
     return load_cell(path)
 
 
+def check_source(cell: Cell) -> None:
+    """Before a cell starts: that it has a recording to play, or cameras whose drivers are installed.
+
+    Raises RecordingError, ConfigError, or DriverMissing naming the extra to install.
+    """
+    if cell.recording() is None:
+        from motiondlo.cameras.factory import event_camera, frame_camera
+
+        section = load_section(cell.path, "cameras", CamerasSection)
+        event_camera(section, cell.path)
+        frame_camera(section, cell.path)
+
+
 def bus_section(path: Path) -> BusSection:
     """The file's ``[bus]``. Raises ConfigError."""
     return load_section(path, "bus", BusSection)

@@ -18,7 +18,7 @@ def run(args: Namespace) -> int:
     """Supervise until told to stop."""
     import sys
 
-    from motiondlo_services.cell_config import bus_section, check_configuration, wanted_processes
+    from motiondlo_services.cell_config import bus_section, check_configuration, check_source, wanted_processes
     from motiondlo_services.runtime.shutdown import StopFlag
     from motiondlo_services.supervisor import Supervisor, supervise
 
@@ -27,6 +27,7 @@ def run(args: Namespace) -> int:
             print(f"motiondlo run: {line}", file=sys.stderr, flush=True)  # noqa: T201
 
     cell = check_configuration(args.config)
+    check_source(cell)
     cell.event_from_rgb()
     cell.background()
     stop = StopFlag().install()

@@ -50,6 +50,7 @@ class EventIngestCore:
         self._batch_us = batch_us
         self._shift_us: int | None = 0
         self._resume_us = -1
+        self._outage_batches = 0
         self._cutter = BatchCutter(batch_us)
         self._max_backlog = max_backlog
         self._backlog: deque[IngestedBatch] = deque()
@@ -96,7 +97,11 @@ class EventIngestCore:
                 triggers["t"] += self._shift_us
                 now_us += self._shift_us
             self.clock.update(now_us, host_ns)
-        self._take(self._cutter.push(events, triggers, now_us), host_ns)
+        batches = self._cutter.push(events, triggers, now_us)
+        if self._outage_batches and (first := next(batches, None)) is not None:
+            lost, self._outage_batches = first.lost_before + self._outage_batches, 0
+            self._take((replace(first, lost_before=lost),), host_ns)
+        self._take(batches, host_ns)
 
     def push_batches(self, batches: Iterable[EventBatch], host_ns: int) -> None:
         """Take batches that were cut already (replay), entering at ``host_ns``."""
@@ -179,9 +184,7 @@ class EventIngestCore:
         self._shift_us = first_us - device_us
         self._cutter = BatchCutter(self._batch_us, first_us)
         if self.t_us >= 0:
-            lost = (first_us - self.t_us) // self._batch_us
-            self.lost += lost
-            self._lost_unsent += lost
+            self._outage_batches = (first_us - self.t_us) // self._batch_us
 
     @property
     def damage(self) -> dict[str, int]:
