@@ -12,6 +12,7 @@ from motiondlo.errors import MotionDLOError
 from motiondlo.events.reader import open_events
 from motiondlo.geometry.homography import warp_points
 from motiondlo_services.cell_config import bus_section, check_configuration
+from motiondlo_services.doctor.cameras import check_cameras
 from motiondlo_services.doctor.findings import Finding, failure, ok, warning
 from motiondlo_services.doctor.security import check_security
 from motiondlo_services.doctor.segmenter import check_segmenter
@@ -37,13 +38,7 @@ def _recording(cell: Cell) -> list[Finding]:
     try:
         recording = cell.recording()
         if recording is None:
-            return [
-                failure(
-                    "source",
-                    "[replay] recording is empty, and this version has no camera drivers",
-                    "Name a recording to play.",
-                )
-            ]
+            return check_cameras(cell.path)
         events = open_events(recording.events_path)
     except MotionDLOError as error:
         return [failure("recording", error.what, error.what_to_do)]
