@@ -105,7 +105,8 @@ def _sharpened(grey: Grey, points: FloatArray, board: Board) -> FloatArray:
     spacing = min(float(np.hypot(*np.diff(grid, axis=k).reshape(-1, 2).T).min()) for k in (0, 1))
     half = int(np.clip(_WINDOW_SHARE * spacing, 2, 20))
     criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-3)
-    fine = cv2.cornerSubPix(grey, points.astype(np.float32)[:, None], (half, half), (-1, -1), criteria)
+    start = np.ascontiguousarray(points, dtype=np.float32).reshape(-1, 1, 2)
+    fine = cv2.cornerSubPix(grey, start, (half, half), (-1, -1), criteria)
     return np.asarray(fine, dtype=np.float64).reshape(-1, 2)
 
 

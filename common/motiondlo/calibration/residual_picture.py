@@ -21,7 +21,7 @@ def residual_picture(
 
     used, off = as_hex(colour_of(0)), "0.45"
     width, height = event_size_px
-    figure = Figure(figsize=(11.0, 4.6), dpi=110, layout="constrained")
+    figure = Figure(figsize=(11.0, 4.2), dpi=110, layout="constrained")
     image, cloud = figure.subplots(1, 2, width_ratios=(2.2, 1))
     enlarge = 0.08 * width / max(report.p95_px, 1e-6)
     ok, x, r = fit.inliers, pairs.event_px, fit.forward_px
@@ -36,7 +36,7 @@ def residual_picture(
     image.set_xlabel("event x, px")
     image.set_ylabel("event y, px")
     image.set_title(f"residuals, {enlarge:.0f} times enlarged", fontsize=10)
-    image.legend(loc="upper left", bbox_to_anchor=(0.0, -0.12), frameon=False, fontsize=8, ncols=2)
+    image.legend(loc="best", frameon=False, fontsize=8)
     cloud.scatter(*r[ok].T, s=16, color=used)
     limit = 1.15 * max(float(np.abs(r[ok]).max()), 1e-3)
     for radius, style in ((report.mean_px, "-"), (report.p95_px, "--")):

@@ -14,6 +14,7 @@ from motiondlo.geometry.homography import warp_points
 from motiondlo_services.cell_config import bus_section, check_configuration
 from motiondlo_services.doctor.cameras import check_cameras
 from motiondlo_services.doctor.findings import Finding, failure, ok, warning
+from motiondlo_services.doctor.lenses import check_lenses
 from motiondlo_services.doctor.security import check_security
 from motiondlo_services.doctor.segmenter import check_segmenter
 from motiondlo_services.runtime.bus_section import BusSection
@@ -27,7 +28,7 @@ def check_cell(path: Path) -> list[Finding]:
         return [failure("configuration", error.what, error.what_to_do)]
     findings = [ok("configuration", f"{path}: every section is valid")]
     findings += _recording(cell)
-    findings += [_homography(cell), _background(cell), _scale(cell)]
+    findings += [_homography(cell), *check_lenses(cell), _background(cell), _scale(cell)]
     findings += check_segmenter(cell)
     findings += _endpoints(bus_section(path))
     findings += check_security(cell, bus_section(path))
@@ -84,10 +85,20 @@ def _background(cell: Cell) -> Finding:
 
 
 def _scale(cell: Cell) -> Finding:
-    px_per_mm = cell.px_per_mm()
-    if px_per_mm is None:
-        return warning("scale", "px_per_mm is not known", "Set [calibration] px_per_mm to have nodes_mm in the state.")
-    return ok("scale", f"{px_per_mm:.3f} px/mm")
+    try:
+        plane = cell.work_plane()
+    except MotionDLOError as error:
+        return failure("scale", error.what, error.what_to_do)
+    if plane is None:
+        return warning(
+            "scale", "no scale is known", "Set [calibration] px_per_mm or work_plane to have nodes_mm in the state."
+        )
+    least, most = plane.px_per_mm_over(cell.geometry.width_px, cell.geometry.height_px)
+    if not 0.1 <= least <= most <= 200.0 or most > 3.0 * least:
+        return failure(
+            "scale", f"from {least:.3g} to {most:.3g} px/mm over the event image: not plausible", "Calibrate it again."
+        )
+    return ok("scale", f"{least:.3f} px/mm" if most - least < 5e-4 else f"{least:.3f} to {most:.3f} px/mm")
 
 
 def _endpoints(section: BusSection) -> list[Finding]:
