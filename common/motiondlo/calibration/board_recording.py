@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from motiondlo.calibration.boards import Board, find_corners, join_pairs, pair_corners
+from motiondlo.calibration.boards import Board, Corners, find_corners, join_pairs, pair_corners
 from motiondlo.calibration.event_picture import EventPicture
 from motiondlo.calibration.point_pairs import PointPairs
 from motiondlo.events.reader import open_events
@@ -13,18 +13,21 @@ from motiondlo.events.types import EventBatch
 from motiondlo.recording.layout import Recording, read_image
 
 _BATCH_US = 500
+# The long memory shows a board that slid into view, the short one a board that blinks on a restless scene.
+_MEMORIES_MS = (1000.0, 100.0)
 
 
 def board_pairs(recording: Recording, board: Board, most_pictures: int = 20) -> PointPairs:
     """Corners of the board in frames and, at the middle of each exposure, in the events.
 
-    The board lies on the work plane. Raises RecordingError for an unreadable recording, CalibrationError when the board
-    is never seen by both cameras at one instant.
+    The board lies on the work plane; it blinks, or slides into view from outside (events tell the difference to what was
+    there before, so a board that only trembles in place shows as its own shadow). Raises RecordingError for an unreadable
+    recording, CalibrationError when the board is never seen by both cameras at one instant.
     """
     size = recording.camera_info.event
     events = open_events(recording.events_path)
     geometry = events.geometry
-    picture = EventPicture(geometry)
+    pictures = [EventPicture(geometry, tau_ms) for tau_ms in _MEMORIES_MS]
     frames = list(recording.frames[:: max(1, len(recording.frames) // most_pictures)])
     if size is not None and (size.width, size.height) != (geometry.width_px, geometry.height_px):
         frames = []
@@ -34,7 +37,8 @@ def board_pairs(recording: Recording, board: Board, most_pictures: int = 20) -> 
         while open_frame is None and frames and frames[0].t_us < batch.t1_us:
             open_frame = frames.pop(0)
             middle_us = open_frame.t_us + _half_exposure_us(batch, open_frame.t_us)
-        picture.add(batch.events)
+        for picture in pictures:
+            picture.add(batch.events)
         if open_frame is None or batch.t1_us < middle_us:
             continue
         image = read_image(open_frame.path)
@@ -42,12 +46,17 @@ def board_pairs(recording: Recording, board: Board, most_pictures: int = 20) -> 
         if image is None:
             continue
         rgb = find_corners(np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8), board)
-        seen = None if rgb is None else find_corners(picture.at(batch.t1_us), board)
+        seen = None if rgb is None else _in_events(pictures, batch.t1_us, board)
         if rgb is not None and seen is not None:
             p, q = pair_corners(rgb, seen, board)
             if len(p) >= 4:
                 parts.append((p, q))
     return join_pairs(parts, str(recording.path))
+
+
+def _in_events(pictures: list[EventPicture], t_us: int, board: Board) -> Corners | None:
+    found = (find_corners(picture.at(t_us), board) for picture in pictures)
+    return next((corners for corners in found if corners is not None), None)
 
 
 def _half_exposure_us(batch: EventBatch, start_us: int) -> int:

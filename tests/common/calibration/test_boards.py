@@ -83,6 +83,38 @@ def test_corners_of_a_picture_and_of_events_give_the_homography(board: Board) ->
     assert error.mean() < 0.3
 
 
+def slide(board: Board, stop_us: int, steps: int = 50, speed_px_s: float = 6000.0) -> EventArray:
+    """The board comes in from the left and is where the geometry says at ``stop_us``; thresholds of 0.5."""
+    rng, parts, level = np.random.default_rng(0), [], np.zeros(0)
+    for t_s in np.linspace(-0.13, 0.0, steps):
+        moved = np.array([[1.0, 0.0, speed_px_s * t_s], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+        view = moved @ EVENT_FROM_RGB @ rgb_from_board(board)
+        now = np.log(picture(board, view, (GEOMETRY.width_px, GEOMETRY.height_px)) / 255.0 + 0.05)
+        if not len(level):
+            level = now
+        steps_up = np.trunc((now - level) / 0.5).astype(int)
+        level = level + 0.5 * steps_up
+        y, x = np.nonzero(steps_up)
+        repeat = np.abs(steps_up[y, x])
+        events = np.zeros(int(repeat.sum()), EVENT_DTYPE)
+        events["x"], events["y"] = np.repeat(x, repeat), np.repeat(y, repeat)
+        events["p"] = np.repeat(steps_up[y, x] > 0, repeat)
+        events["t"] = stop_us + int(t_s * 1e6) - np.sort(rng.integers(0, 2000, len(events)))[::-1]
+        parts.append(events)
+    return np.concatenate(parts)
+
+
+def test_a_board_that_slides_into_view_is_found_where_it_is() -> None:
+    summed = EventPicture(GEOMETRY, tau_ms=1000.0)
+    summed.add(slide(CHECKERBOARD, 200_000))
+    event = find_corners(summed.at(200_000), CHECKERBOARD)
+    rgb = find_corners(picture(CHECKERBOARD, rgb_from_board(CHECKERBOARD), RGB_SIZE), CHECKERBOARD)
+    assert event is not None
+    assert rgb is not None
+    p, q = pair_corners(rgb, event, CHECKERBOARD)
+    assert np.hypot(*(warp_points(p, EVENT_FROM_RGB) - q).T).mean() < 0.3
+
+
 def test_an_inverted_board_is_found_too() -> None:
     assert find_corners(255 - picture(CHARUCO, rgb_from_board(CHARUCO), RGB_SIZE), CHARUCO) is not None
 
