@@ -22,6 +22,7 @@ from motiondlo.frames.sam3_weights import (
     package_versions,
 )
 from motiondlo_services.doctor.findings import Finding, failure, ok, warning
+from motiondlo_services.fusion.config import FusionConfig
 from motiondlo_services.segmenter.config import SegmenterConfig
 
 _CPU_IS_SLOW = "cpu: a frame takes a minute and more"
@@ -34,14 +35,27 @@ def check_segmenter(cell: Cell) -> list[Finding]:
     except MotionDLOError as error:
         return [failure("segmenter", error.what, error.what_to_do)]
     if config.backend == "sam3":
-        return _sam3(config.sam3)
+        return _sam3(config.sam3) + _time_limit(cell, config)
     if config.backend == "onnx":
-        return _onnx(config)
+        return _onnx(config) + _time_limit(cell, config)
     try:
         backend = create_backend(config)
     except MotionDLOError as error:
         return [failure("segmenter", error.what, error.what_to_do)]
     return [ok("segmenter", f"backend {backend.name}")]
+
+
+def _time_limit(cell: Cell, config: SegmenterConfig) -> list[Finding]:
+    waits_s = load_section(cell.path, "fusion", FusionConfig).request_timeout_s
+    if config.time_limit_s < waits_s:
+        return []
+    return [
+        warning(
+            "segmenter time limit",
+            f"a frame may take {config.time_limit_s:g} s, but fusion waits for {waits_s:g} s only",
+            "Raise request_timeout_s in [fusion], or lower time_limit_s in [segmenter].",
+        )
+    ]
 
 
 def _sam3(params: Sam3Params) -> list[Finding]:

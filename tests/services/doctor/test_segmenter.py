@@ -98,3 +98,9 @@ def test_a_folder_to_replay_that_is_missing_is_found(findings, tmp_path) -> None
     assert findings(lines)["segmenter"].verdict == Verdict.FAILURE
     (tmp_path / "masks").mkdir()
     assert findings(lines)["segmenter"].verdict == Verdict.OK
+
+
+def test_a_time_limit_that_fusion_does_not_wait_for_is_warned_of(findings, weights) -> None:
+    lines = '[segmenter]\nbackend = "sam3"\ntime_limit_s = {}\n[segmenter.sam3]\nmodel = "weights"\n'
+    assert findings(lines.format(60.0))["segmenter time limit"].verdict == Verdict.WARNING
+    assert "segmenter time limit" not in findings(lines.format(5.0))
