@@ -10,7 +10,8 @@ from motiondlo.bus.config import BusConfig
 from motiondlo.bus.session import Bus
 from motiondlo.security.folder import CertificateFolder
 from motiondlo_services.gate.config import GateConfig
-from motiondlo_services.gate.core import GateCore, check_certificates, gate_session
+from motiondlo_services.gate.core import GateCore, check_certificates
+from motiondlo_services.gate.session import gate_session
 from motiondlo_services.runtime.bus_section import BusSection
 from motiondlo_services.runtime.shell import Shell, run_daemon
 

@@ -16,7 +16,8 @@ from motiondlo.security.certificates import init, issue_holder, renew
 from motiondlo.security.folder import CertificateFolder
 from motiondlo.topics import COMMAND, HEALTH, STATE, TOPICS
 from motiondlo_services.gate.config import GateConfig
-from motiondlo_services.gate.core import GateCore, check_certificates, gate_session
+from motiondlo_services.gate.core import GateCore, check_certificates
+from motiondlo_services.gate.session import gate_session
 from motiondlo_services.runtime.bus_section import BusSection
 
 NOW = datetime(2030, 5, 1, tzinfo=UTC)
