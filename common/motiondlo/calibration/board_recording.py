@@ -20,8 +20,8 @@ _MEMORIES_MS = (1000.0, 100.0)
 def board_pairs(recording: Recording, board: Board, most_pictures: int = 20) -> PointPairs:
     """Corners of the board in frames and, at the middle of each exposure, in the events.
 
-    The board lies on the work plane; it blinks, or slides into view from outside (events tell the difference to what was
-    there before, so a board that only trembles in place shows as its own shadow). Raises RecordingError for an unreadable
+    The board lies on the work plane; it blinks, or slides into view from outside. Events tell the difference to what
+    was there before, so a board that only trembles in place is not found. Raises RecordingError for an unreadable
     recording, CalibrationError when the board is never seen by both cameras at one instant.
     """
     size = recording.camera_info.event
