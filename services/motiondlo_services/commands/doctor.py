@@ -15,6 +15,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(args: Namespace) -> int:
     """Examine, print, write; 1 when something does not work."""
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     from motiondlo.cli.output import write_json
@@ -35,6 +36,8 @@ def run(args: Namespace) -> int:
             table.add_column(column, overflow="fold")
         for finding in findings:
             colour = colours[finding.verdict]
-            table.add_row(f"[{colour}]{finding.verdict.value}[/]", finding.subject, finding.what, finding.what_to_do)
+            # Sections of the configuration are written in brackets, which rich would take for markup.
+            texts = [escape(text) for text in (finding.subject, finding.what, finding.what_to_do)]
+            table.add_row(f"[{colour}]{finding.verdict.value}[/]", *texts)
         Console().print(table)
     return 1 if failures else 0

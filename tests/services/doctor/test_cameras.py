@@ -70,6 +70,9 @@ def test_a_driver_that_is_not_installed_names_the_extra(
     assert 'pip install "motiondlo[live]"' in what
     assert main(["run", "--config", str(tmp_path / "c.toml")]) == 1
     assert "motiondlo[live]" in capsys.readouterr().err
+    monkeypatch.setenv("COLUMNS", "200")
+    assert main(["doctor", "--config", str(tmp_path / "c.toml")]) == 1
+    assert "motiondlo[live]" in capsys.readouterr().out
 
 
 def test_run_without_a_source_is_refused_before_anything_starts(
