@@ -14,12 +14,13 @@ from motiondlo.tracking.inextensible.filter_kernels import (
     END_B,
     RATIO_A,
     STRETCH,
+    keep_bend,
     place_stations,
     predict,
     solve,
 )
 from motiondlo.tracking.inextensible.params import InextensibleParams
-from motiondlo.tracking.inextensible.row_kernels import bend_rows, remember_bend
+from motiondlo.tracking.inextensible.row_kernels import remember_bend
 from motiondlo.tracking.inextensible.shape import STRIDE, fit_pose, make_layout
 from motiondlo.tracking.types import Correction
 
@@ -53,11 +54,12 @@ class CurveFilter:
         self.p: FloatArray = np.empty((m, 2))
         self.th, self.kappa, self.vn, self.vt, self.omega, self.sn, self.sv = (np.zeros(m) for _ in range(7))
         self.h_normal, self.h_stretch = np.zeros((m, n)), np.zeros(m)
-        capacity = m + 2 * n + 16
+        capacity = m + 16
         self.rows = Rows(
             np.zeros((capacity, size)), np.zeros(capacity), np.zeros(capacity), np.zeros(capacity, np.uint8)
         )
-        self._residual = np.zeros(capacity)
+        self._step = np.zeros(size)
+        self._gain = np.zeros(size)
         self.place()
         every = max(1, round(_FIELD_PX / p.station_px))
         self._field = np.unique(np.append(np.arange(0, m, every), m - 1)).astype(np.int64)
@@ -141,11 +143,10 @@ class CurveFilter:
         alive: (m,) how surely every station is in view: only there the bend is learned.
         """
         p = self.params
-        rows = self.rows
-        rows.count = bend_rows(
-            rows.count, self.n, dt_ms, self.x, self._memory, p.bend_sigma, p.bend_rate_sigma, rows.h, rows.z, rows.w,
-            rows.robust,
-        )  # fmt: skip
+        self._step[:] = 0.0
+        keep_bend(
+            self.n, dt_ms, self.x, self._memory, p.bend_sigma, p.bend_rate_sigma, self.cov, self._step, self._gain
+        )
         done = self._solve()
         self.locate()
         if done:
@@ -157,6 +158,7 @@ class CurveFilter:
 
     def absorb_correction(self) -> bool:
         """Update from rows of a late correction; the bend is taken from the result."""
+        self._step[:] = 0.0
         done = self._solve()
         self.locate()
         if done:
@@ -166,16 +168,14 @@ class CurveFilter:
     def _solve(self) -> bool:
         p = self.params
         rows = self.rows
-        try:
-            sound = bool(solve(
-                self.x, self.cov, rows.h, rows.z, rows.w, rows.count, p.student_nu, p.robust_passes, rows.robust,
-                self._residual,
-            ))  # fmt: skip
-        except np.linalg.LinAlgError:
-            sound = False
+        sound = bool(solve(
+            self.cov, self._step, rows.h, rows.z, rows.w, rows.count, p.student_nu, p.robust_passes, rows.robust
+        ))  # fmt: skip
+        if sound:
+            self.x += self._step
         if not sound:
             self.x[self.n : 2 * self.n] = 0.0
-            self.cov[:] = self._first_cov + np.diag(np.clip(self.cov.diagonal(), 0.0, 1.0) * 1e-3)
+            self.cov[:] = self._first_cov
         return sound
 
     def widen_end(self, index: int, sigma_px: float) -> None:

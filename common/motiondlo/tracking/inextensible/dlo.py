@@ -7,6 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from motiondlo.events.buckets import EventBuckets
 from motiondlo.events.types import SensorGeometry
 from motiondlo.frames.types import EndKind, FloatArray
 from motiondlo.tracking.inextensible.curve_filter import GAP_MS, CurveFilter
@@ -47,8 +48,8 @@ class InextensibleDlo(CurveFilter):
         self.diameter_px = correction.diameter_px if correction.diameter_px > 0 else p.diameter_px
         self.radius_px = 0.5 * self.diameter_px
         # what the stations see
-        self.offset, self.sigma, self.age, self.quality, self.window, self.nis, self.accel = (
-            np.zeros(m) for _ in range(7)
+        self.offset, self.sigma, self.age, self.quality, self.window, self.nis, self.accel, self.density = (
+            np.zeros(m) for _ in range(8)
         )
         self.count = np.zeros(m, np.int64)
         self.good, self.covered, self.active = (np.zeros(m, np.uint8) for _ in range(3))
@@ -118,10 +119,11 @@ class InextensibleDlo(CurveFilter):
 
     # the step
 
-    def step(self, surface: Int64Array, t_us: int, dt_ms: float) -> None:
+    def step(self, buckets: EventBuckets, t_us: int, dt_ms: float) -> None:
         """Advance to ``t_us`` with everything on the surface."""
         p = self.params
         n = self.n
+        surface = buckets.last_us
         self._turn += 1
         speed = float(fast_speed(self.vn, self.vt))
         self.recent_speed = max(speed, self.recent_speed * math.exp(-dt_ms / p.noise_memory_ms))
@@ -139,10 +141,10 @@ class InextensibleDlo(CurveFilter):
             p.band_px, p.band_sigmas, p.band_max_px, active, self.accel, self.window_max, self.band,
         )  # fmt: skip
         observe_stations(
-            surface, t_us, self.p, self.th, self.kappa, self.vn, self.vt, self.omega, self.sv, self.window_max,
+            buckets.rings, buckets.heads, buckets.columns, t_us, self.p, self.th, self.kappa, self.vn, self.vt, self.omega, self.sv, self.window_max,
             self.band, active, self.llr, 0.0, 0.5 * STRIDE * self.layout.ds_px, p.latency_ms, p.window_min_ms,
             p.events_target, p.events_min, p.ambiguous_velocity, self.offset, self.sigma, self.age, self.count,
-            self.quality, self.window,
+            self.quality, self.window, self.density,
         )  # fmt: skip
         rows = self.rows
         rows.count, self.seen, self.could = station_rows(
@@ -168,7 +170,7 @@ class InextensibleDlo(CurveFilter):
             self.frozen = False
             if self.absorb(dt_ms, self.alive):
                 self._adapt(dt_ms, end_nis)
-                self._learn(surface, t_us, dt_ms)
+                self._learn(buckets, t_us, dt_ms)
         self.past = int(update_support(
             dt_ms, active, self.good, self.covered, self.count, self.vn, p.events_min, self.alive, self.support,
             self.absent_ms, self.seen_ms, self.vn_past, self.past,
@@ -257,12 +259,13 @@ class InextensibleDlo(CurveFilter):
         else:
             self.noise_factor = max(1.0, self.noise_factor * 0.93**dt_ms)
 
-    def _learn(self, surface: Int64Array, t_us: int, dt_ms: float) -> None:
+    def _learn(self, buckets: EventBuckets, t_us: int, dt_ms: float) -> None:
         p = self.params
+        surface = buckets.last_us
         trusted = self.seen > 0.4 * max(self.could, 1)
         if self.seen > 4:
             learn_profiles(
-                surface, t_us, self.p, self.th, self.kappa, self.vn, self.vt, self.omega, self.window, self.good,
+                buckets.rings, buckets.heads, buckets.columns, t_us, self.p, self.th, self.kappa, self.vn, self.vt, self.omega, self.window, self.good,
                 self._turn % 4, 4, 0.3, 0.5 * STRIDE * self.layout.ds_px, p.latency_ms, p.learn_rate, p.learn_pull,
                 self.floor, self.prior, self.profile, self.llr,
             )  # fmt: skip
