@@ -11,12 +11,11 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from motiondlo.events.bucket_kernels import COORDINATE_MASK, TILE_SHIFT, TIME_SHIFT, X_SHIFT, Y_SHIFT
+from motiondlo.events.bucket_kernels import COORDINATE_MASK, TIME_SHIFT, X_SHIFT, Y_MASK, Y_SHIFT, tiles_around
 
 BINS_PER_PX = 2
 EVENT_CAPACITY = 1500
 ENOUGH = 3.0
-
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
@@ -39,20 +38,7 @@ def collect_station(  # type: ignore[no-untyped-def]
     hi_n = reach_px - min(travel_n, 0.0) + slack
     lo_t = -half_px - max(travel_t, 0.0)
     hi_t = half_px - min(travel_t, 0.0)
-    mid_n, mid_t = 0.5 * (lo_n + hi_n), 0.5 * (lo_t + hi_t)
-    half_n, half_t = 0.5 * (hi_n - lo_n), 0.5 * (hi_t - lo_t)
-    cx = px + mid_n * nx + mid_t * tx
-    cy = py + mid_n * ny + mid_t * ty
-    margin_x = half_n * abs(nx) + half_t * abs(tx)
-    margin_y = half_n * abs(ny) + half_t * abs(ty)
-    rows = heads.shape[0] // columns
-    r0 = max(0, int(cy - margin_y) >> TILE_SHIFT)
-    r1 = min(rows - 1, int(cy + margin_y + 1.0) >> TILE_SHIFT)
-    c0 = max(0, int(cx - margin_x) >> TILE_SHIFT)
-    c1 = min(columns - 1, int(cx + margin_x + 1.0) >> TILE_SHIFT)
-    # A tile is looked at unless it lies wholly beside the station's rectangle.
-    tile_half = 8.0 * (abs(tx) + abs(ty))
-    far_n, far_t = half_n + tile_half, half_t + tile_half
+    r0, r1, c0, c1, cx, cy, far_t, far_n = tiles_around(px, py, tx, ty, lo_t, hi_t, lo_n, hi_n, heads, columns)
     size = rings.shape[1]
     mask = size - 1
     floor = np.int64(t_us - window_ms * 1000.0 + 1.0) << TIME_SHIFT
@@ -74,7 +60,7 @@ def collect_station(  # type: ignore[no-untyped-def]
                     break
                 age = (t_us - (word >> TIME_SHIFT)) * 1e-3
                 rx = ((word >> X_SHIFT) & COORDINATE_MASK) - px
-                ry = ((word >> Y_SHIFT) & 0x3FF) - py
+                ry = ((word >> Y_SHIFT) & Y_MASK) - py
                 tau = rx * tx + ry * ty + vt * age
                 if abs(tau) > half_px:
                     continue
@@ -184,7 +170,7 @@ def observe_stations(  # type: ignore[no-untyped-def]
         # As far back and as wide as the last look says; all of it where that was too little.
         expected = density[i] * half_px * window_min_ms
         half = half_px * min(max(ENOUGH * n_target / max(expected, 1.0), 1.0 / 3.0), 1.0)
-        longest = min(window_max_ms[i], 1.25 * last_ms + 0.25)
+        longest = min(window_max_ms[i], max(1.25 * last_ms + 0.25, window_min_ms))
         n = 0
         for _ in range(2):
             n = collect_station(
@@ -302,8 +288,8 @@ def learn_profiles(  # type: ignore[no-untyped-def]
         if i % turns != turn or not good[i] or abs(vn[i]) < v_min:
             continue
         n = collect_station(
-            rings, heads, columns, t_us, points[i, 0], points[i, 1], theta[i], kappa[i], vn[i], vt[i], omega[i], window_ms[i],
-            reach, half_px, latency_ms, d_buf, age_buf, sign_buf,
+            rings, heads, columns, t_us, points[i, 0], points[i, 1], theta[i], kappa[i], vn[i], vt[i], omega[i],
+            window_ms[i], reach, half_px, latency_ms, d_buf, age_buf, sign_buf,
         )  # fmt: skip
         if n < 25:
             continue
