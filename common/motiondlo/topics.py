@@ -130,7 +130,7 @@ EVENTS_CLOCK: Final[Topic[ClockMessage]] = Topic(
     shared_memory=False,
     max_payload_bytes=4 * KIB,
     owner="event-ingest",
-    readers=("recorder", "clients"),
+    readers=("frame-capture", "recorder", "clients"),
     last_value=True,
 )
 
@@ -206,7 +206,7 @@ STATE: Final[Topic[StateMessage]] = Topic(
     shared_memory=False,
     max_payload_bytes=4 * MIB,
     owner="fusion",
-    readers=("event-ingest", "gateway", "monitor", "recorder", "clients"),
+    readers=("event-ingest", "gate", "gateway", "monitor", "recorder", "clients"),
     last_value=True,
 )
 
@@ -222,7 +222,7 @@ HEALTH: Final[Topic[HealthMessage]] = Topic(
     shared_memory=False,
     max_payload_bytes=256 * KIB,
     owner="each daemon",
-    readers=("event-ingest", "monitor", "recorder", "clients"),
+    readers=("event-ingest", "gate", "monitor", "recorder", "clients"),
     last_value=True,
 )
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
+from motiondlo.cameras.config import CamerasSection
 from motiondlo.config.cell import CalibrationSection, Cell, CellSection, ReplaySection, load_cell
 from motiondlo.config.loader import load_section, read_toml
 from motiondlo.errors import ConfigError
@@ -14,6 +15,8 @@ from motiondlo_services.event_ingest.config import EventIngestConfig
 from motiondlo_services.event_tracker.config import EventTrackerConfig
 from motiondlo_services.frame_capture.config import FrameCaptureConfig
 from motiondlo_services.fusion.config import FusionConfig
+from motiondlo_services.gate.config import GateConfig
+from motiondlo_services.processes import PROCESSES, Process
 from motiondlo_services.runtime.bus_section import BusSection
 from motiondlo_services.segmenter.config import SegmenterConfig
 
@@ -21,12 +24,14 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "cell": CellSection,
     "calibration": CalibrationSection,
     "replay": ReplaySection,
+    "cameras": CamerasSection,
     "bus": BusSection,
     "event_ingest": EventIngestConfig,
     "event_tracker": EventTrackerConfig,
     "fusion": FusionConfig,
     "frame_capture": FrameCaptureConfig,
     "segmenter": SegmenterConfig,
+    "gate": GateConfig,
 }
 
 
@@ -48,6 +53,28 @@ def check_configuration(path: Path) -> Cell:
     return load_cell(path)
 
 
+def check_source(cell: Cell) -> None:
+    """Before a cell starts: that it has a recording to play, or cameras whose drivers are installed.
+
+    Raises RecordingError, ConfigError, or DriverMissing naming the extra to install.
+    """
+    if cell.recording() is None:
+        from motiondlo.cameras.factory import event_camera, frame_camera
+
+        section = load_section(cell.path, "cameras", CamerasSection)
+        event_camera(section, cell.path)
+        frame_camera(section, cell.path)
+
+
 def bus_section(path: Path) -> BusSection:
     """The file's ``[bus]``. Raises ConfigError."""
     return load_section(path, "bus", BusSection)
+
+
+def wanted_processes(path: Path) -> tuple[Process, ...]:
+    """The rows of the daemons that this cell runs: all but those whose section says ``enabled = false``.
+
+    Raises ConfigError.
+    """
+    sections = {row.name: load_section(path, row.section, SECTIONS[row.section]) for row in PROCESSES}
+    return tuple(row for row in PROCESSES if getattr(sections[row.name], "enabled", True))

@@ -17,7 +17,7 @@ from motiondlo.fusion.state import FrameRequest
 from motiondlo.messages.health import HealthMessage
 from motiondlo.messages.state import StateMessage
 from motiondlo.topics import HEALTH, STATE
-from motiondlo_services.cell_config import bus_section, check_configuration
+from motiondlo_services.cell_config import bus_section, check_configuration, wanted_processes
 from motiondlo_services.fusion.asking import FrameAsker
 from motiondlo_services.processes import PROCESSES
 from motiondlo_services.runtime.realtime import use_subscriber_scheduling
@@ -93,7 +93,7 @@ def play(
     """
     cell = check_configuration(config)
     section = bus_section(config)
-    supervisor = Supervisor(config.resolve(), PROCESSES)
+    supervisor = Supervisor(config.resolve(), wanted_processes(config))
     run = LiveRun()
     deadline_s = time.monotonic() + time_limit_s
     client = section.of_client(cell.cell.name)

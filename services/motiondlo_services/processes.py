@@ -42,6 +42,8 @@ class Process:
     """Its section in the cell's configuration."""
     paper: str
     """The part of the paper that it carries out."""
+    in_mesh: bool = True
+    """It listens within the cell, and its peers connect to it."""
 
 
 PROCESSES: tuple[Process, ...] = (
@@ -91,7 +93,7 @@ PROCESSES: tuple[Process, ...] = (
         name="frame-capture",
         module="motiondlo_services.frame_capture.daemon",
         purpose="pairs frames with triggers and hands out the one that is asked for",
-        reads=("events/trigger", "command"),
+        reads=("events/trigger", "events/clock", "command"),
         writes=("frame", "health", "alive"),
         scheduling=Scheduling.OTHER,
         priority=0,
@@ -114,6 +116,21 @@ PROCESSES: tuple[Process, ...] = (
         watchdog_s=60,
         section="segmenter",
         paper="Frame Branch: SAM 3 Segmentation, Binary Mask Generation, Polyline fitting",
+    ),
+    Process(
+        name="gate",
+        module="motiondlo_services.gate.daemon",
+        purpose="the only way in from outside: TLS, certificates, access control",
+        reads=("state", "health"),
+        writes=("health", "alive"),
+        scheduling=Scheduling.OTHER,
+        priority=0,
+        nice=0,
+        own_processor=False,
+        watchdog_s=10,
+        section="gate",
+        paper="",
+        in_mesh=False,
     ),
 )
 

@@ -159,6 +159,11 @@ class Bus:
                         total[name] = total.get(name, 0) + count
         return by_reason, by_sender
 
+    def visitors(self) -> tuple[str, ...]:
+        """Common names in the certificates of those who are linked over TLS now; the same name may be there twice."""
+        names = [link.auth_identifier for link in self._session.info.links()]
+        return tuple(sorted(name for name in names if name))
+
     def shared_memory_report(self) -> SharedMemoryReport:
         """Which way this program's large messages take."""
         if self._shared_memory is None:

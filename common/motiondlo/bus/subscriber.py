@@ -55,8 +55,8 @@ class Subscriber(Generic[M]):
         queue = queue or topic.queue
         self.topic = topic
         self.key = topic.key(cell, name)
-        self.horizon_us: int | None = None
-        """Newest event time that the reader knows of: data from far beyond it are refused. None: no check."""
+        self._horizon_us: int | None = None
+        self._horizon_ns = 0
         self.lost_before = 0
         """Messages of the same sender that are missing just before the one received last."""
         self.rejects = RejectCounter()
@@ -70,6 +70,20 @@ class Subscriber(Generic[M]):
         self._inbox: Inbox[Any] = Inbox(queue)
         subscription = declare_subscriber(session, topic, self.key, queue)
         self._pump: Pump[Any] = Pump(topic.name, subscription.handler.recv, subscription.undeclare, self._inbox)
+
+    @property
+    def horizon_us(self) -> int | None:
+        """Newest event time that the reader knows of: data from far beyond it are refused. None: no check.
+
+        It moves on with the host's clock, so that what comes after an outage of the sender is not taken for the future.
+        """
+        if self._horizon_us is None:
+            return None
+        return self._horizon_us + (time.monotonic_ns() - self._horizon_ns) // 1000
+
+    @horizon_us.setter
+    def horizon_us(self, t_us: int | None) -> None:
+        self._horizon_us, self._horizon_ns = t_us, time.monotonic_ns()
 
     @property
     def inbox(self) -> Inbox[Any]:

@@ -44,8 +44,12 @@ COMMANDS = (
     Command("track", "motiondlo.cli.track", "follow the DLOs through a recording, write tracks.npz"),
     Command("eval", "motiondlo.cli.eval", "errors of tracks against a recording's ground truth"),
     Command("bench", "motiondlo.cli.bench", "time per update and per stage on this machine"),
+    Command("bench segmenter", "motiondlo.cli.bench_segmenter", "time per frame of a segmenter backend"),
     Command("bench live", "motiondlo_services.commands.bench_live", "end-to-end latency through the real daemons"),
+    Command("calibrate homography", "motiondlo.cli.calibrate", "map from RGB to event pixels, with its residuals"),
+    Command("simulate", "motiondlo.cli.simulate", "make a recording with exact truth from a scene"),
     Command("info", "motiondlo.cli.info", "summarise a recording or an events file"),
+    Command("certs", "motiondlo.cli.certs", "make, list and renew the certificates of the gate and its visitors"),
     Command("doctor", "motiondlo_services.commands.doctor", "check this machine and a cell's configuration"),
 )
 

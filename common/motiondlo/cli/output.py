@@ -17,6 +17,14 @@ def write_text(path: Path, text: str) -> None:
         raise MotionDLOError(f"{path}: cannot be written ({error.strerror}).", "Choose another place.") from error
 
 
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a picture or the like. Raises MotionDLOError when the file cannot be written."""
+    try:
+        path.write_bytes(data)
+    except OSError as error:
+        raise MotionDLOError(f"{path}: cannot be written ({error.strerror}).", "Choose another place.") from error
+
+
 def write_json(path: Path, document: dict[str, Any]) -> None:
     """Write a JSON document (no NaN: absent figures are null). Raises MotionDLOError when it cannot be written."""
     write_text(path, json.dumps(document, indent=1, allow_nan=False) + "\n")

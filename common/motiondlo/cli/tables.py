@@ -35,7 +35,7 @@ def print_evaluation(evaluation: Evaluation, title: str) -> None:
     """Print the verdict on every DLO: what moves first, then what never does."""
     table = compact_table(title, "errors in mm; ptc: mean, median, 95th percentile; dim: never moves")
     table.add_column("DLO", no_wrap=True)
-    for heading in ("id", "ptc", "paired", "cov", "lost", "sw", "lag ms", "Hz", "NEES"):
+    for heading in ("id", "ptc", "paired", "cov", "lost", "sw", "lag ms", "Hz", "NEES", "along"):
         table.add_column(heading, justify="right", no_wrap=True)
     for verdict in evaluation.moved:
         table.add_row(*_cells(verdict))
@@ -44,6 +44,8 @@ def print_evaluation(evaluation: Evaluation, title: str) -> None:
     for verdict in evaluation.static:
         table.add_row(*_cells(verdict), style="dim")
     console().print(table)
+    if evaluation.calibration is not None:
+        console().print(evaluation.calibration.summary(), highlight=False, soft_wrap=True)
     if evaluation.unmatched_ids:
         ids = ", ".join(str(i) for i in evaluation.unmatched_ids)
         console().print(f"ids that match no DLO: {ids}")
@@ -61,6 +63,7 @@ def _cells(verdict: Verdict) -> tuple[str, ...]:
         figure(verdict.lag_ms, 1),
         f"{verdict.rate_hz:.0f}",
         figure(verdict.nees, 1),
+        figure(verdict.nees_tangent, 1),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, Namespace, _ArgumentGroup
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -13,7 +13,7 @@ PROFILES = ("default", "paper")
 MODES = ("hybrid", "event", "frame")
 
 
-def add_loop_arguments(parser: ArgumentParser) -> None:
+def add_loop_arguments(parser: ArgumentParser | _ArgumentGroup) -> None:
     """``--mode --update-us --segmenter-latency-ms --set``."""
     parser.add_argument(
         "--mode",

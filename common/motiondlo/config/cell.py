@@ -13,7 +13,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from motiondlo.config.loader import load_section
 from motiondlo.errors import CalibrationError, ConfigError
 from motiondlo.events.types import SensorGeometry
+from motiondlo.geometry.camera_map import CameraMap
 from motiondlo.geometry.homography import FloatArray, load_homography
+from motiondlo.geometry.lens import LensModel, load_lens
+from motiondlo.geometry.work_plane import WorkPlane, load_work_plane, plane_of_scale
 from motiondlo.recording.layout import Recording, open_recording, read_image
 
 
@@ -34,6 +37,9 @@ class CalibrationSection(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
     event_from_rgb: str = Field(default="", description="3x3 homography from RGB to event pixels (.npy)")
+    rgb_lens: str = Field(default="", description="lens distortion of the RGB camera (.json); empty: none")
+    event_lens: str = Field(default="", description="lens distortion of the event camera (.json); empty: none")
+    work_plane: str = Field(default="", description="plane file: mm from event pixels (.json); instead of px_per_mm")
     background: str = Field(default="", description="RGB picture of the empty board")
     px_per_mm: float = Field(
         default=0.0, ge=0.0, le=1000.0, description="event px per mm on the work plane; 0: unknown"
@@ -99,6 +105,38 @@ class Cell:
                 f"{self.path}: [calibration] event_from_rgb is empty.", "Give the homography of the cell's cameras."
             )
         return recording.event_from_rgb()
+
+    def event_map(self) -> FloatArray | CameraMap:
+        """How RGB pixels become event pixels: the homography, between the lenses if their files are given.
+
+        Raises CalibrationError or ConfigError as :meth:`event_from_rgb`, and for an unusable lens file.
+        """
+        rgb, event = self.rgb_lens(), self.event_lens()
+        matrix = self.event_from_rgb()
+        return matrix if rgb is None and event is None else CameraMap(matrix, rgb, event)
+
+    def rgb_lens(self) -> LensModel | None:
+        """Lens of the RGB camera, if a file is given. Raises CalibrationError."""
+        return load_lens(self.resolve(self.calibration.rgb_lens)) if self.calibration.rgb_lens else None
+
+    def event_lens(self) -> LensModel | None:
+        """Lens of the event camera, if a file is given. Raises CalibrationError."""
+        return load_lens(self.resolve(self.calibration.event_lens)) if self.calibration.event_lens else None
+
+    def work_plane(self) -> WorkPlane | None:
+        """How event pixels become mm: the plane file, or the scale; None when neither is known.
+
+        Raises CalibrationError for an unusable file, ConfigError when both are given.
+        """
+        if self.calibration.work_plane:
+            if self.calibration.px_per_mm > 0:
+                raise ConfigError(
+                    f"{self.path}: [calibration] has both work_plane and px_per_mm.",
+                    "Remove px_per_mm: the file has it.",
+                )
+            return load_work_plane(self.resolve(self.calibration.work_plane), self.event_lens())
+        scale = self.px_per_mm()
+        return None if scale is None else plane_of_scale(scale, self.event_lens())
 
     def background(self) -> npt.NDArray[np.uint8] | None:
         """The picture of the empty board, or None. Raises CalibrationError when a named one is unreadable."""

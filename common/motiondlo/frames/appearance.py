@@ -10,10 +10,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from motiondlo.errors import CalibrationError
 from motiondlo.frames.types import Appearance, FloatArray
+from motiondlo.geometry.camera_map import CameraMap, map_points_back
 from motiondlo.geometry.curve import arc_length, left_normals, point_at, tangents
-from motiondlo.geometry.homography import warp_points
 
 Image = npt.NDArray[np.uint8]
 
@@ -30,7 +29,7 @@ _LUMINANCE_BGR = (0.0722, 0.7152, 0.2126)
 
 def sample_appearance(
     image_bgr: Image,
-    event_from_rgb: FloatArray,
+    event_from_rgb: FloatArray | CameraMap,
     nodes_event: FloatArray,
     diameter_px: float,
     extend_px: float = 80.0,
@@ -38,25 +37,21 @@ def sample_appearance(
 ) -> Appearance:
     """Sample the straightened strip around a curve (see :class:`motiondlo.frames.types.Appearance`).
 
-    image_bgr: (H, W, 3) uint8, sRGB encoded. event_from_rgb: (3, 3) float64. nodes_event: (M, 2) float64, event px,
-    M >= 2. diameter_px, extend_px (reach beyond both ends), half_width_px (reach to either side; by default 48 px or
-    1.5 diameters, whichever is more): event px. Bilinear sampling at the places that the inverse homography gives,
+    image_bgr: (H, W, 3) uint8, sRGB encoded. event_from_rgb: (3, 3) float64, or with lenses. nodes_event: (M >= 2, 2)
+    float64, event px. diameter_px, extend_px (reach beyond both ends), half_width_px (reach to either side; by default
+    48 px or 1.5 diameters, whichever is more): event px. Bilinear sampling at the places that the inverse map gives,
     after a blur where an event pixel covers several image pixels.
     Raises ValueError for fewer than two nodes or values that are not finite, CalibrationError for a singular matrix.
     """
     if nodes_event.ndim != 2 or nodes_event.shape[1] != 2 or len(nodes_event) < 2 or not np.isfinite(nodes_event).all():
         raise ValueError(f"nodes_event: expected (M >= 2, 2) finite values, got shape {nodes_event.shape}")
-    try:
-        rgb_from_event = np.linalg.inv(event_from_rgb)
-    except np.linalg.LinAlgError as error:
-        raise CalibrationError("event_from_rgb: singular, it cannot be inverted.", "Calibrate it again.") from error
     half_width = max(MIN_HALF_WIDTH_PX, 1.5 * diameter_px) if half_width_px is None else half_width_px
     half_columns = int(np.ceil(half_width / _DN_PX))
     offsets = np.arange(-half_columns, half_columns + 1) * _DN_PX
 
     centre, normals, s0_px = _extended_curve(nodes_event, max(diameter_px, 2.0 * _DS_PX), extend_px)
     places = centre[:, None, :] + offsets[None, :, None] * normals[:, None, :]
-    places_rgb = warp_points(places.reshape(-1, 2), np.asarray(rgb_from_event, dtype=np.float64))
+    places_rgb = map_points_back(places.reshape(-1, 2), event_from_rgb)
     map_x = places_rgb[:, 0].reshape(places.shape[:2])
     map_y = places_rgb[:, 1].reshape(places.shape[:2])
     height, width = image_bgr.shape[:2]

@@ -16,8 +16,8 @@ from motiondlo.frames.polyline_fit import fit_spline
 from motiondlo.frames.segments import Segment
 from motiondlo.frames.strip import Scene
 from motiondlo.frames.types import EndKind, Instance
+from motiondlo.geometry.camera_map import CameraMap, map_points
 from motiondlo.geometry.curve import arc_length, point_at
-from motiondlo.geometry.homography import warp_points
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -163,7 +163,7 @@ def score_dlo(dlo: Dlo, params: FrameParams) -> float:
 
 
 def make_instance(
-    scene: Scene, dlo: Dlo, event_from_rgb: FloatArray | None, score: float, params: FrameParams
+    scene: Scene, dlo: Dlo, event_from_rgb: FloatArray | CameraMap | None, score: float, params: FrameParams
 ) -> Instance:
     """Fit M nodes, warp them, never masks (paper: point-level warp), and sample the look for the event branch.
 
@@ -177,7 +177,7 @@ def make_instance(
     sigma = np.interp(s, s_all, dlo.sigma)
     if event_from_rgb is None:
         return Instance(nodes, None, sigma, dlo.width, dlo.width, score, dlo.ends)
-    nodes_event = warp_points(nodes, event_from_rgb)
+    nodes_event = map_points(nodes, event_from_rgb)
     scale = np.gradient(arc_length(nodes_event)) / np.maximum(np.gradient(arc_length(nodes)), 1e-9)
     diameter = dlo.width * float(arc_length(nodes_event)[-1] / max(arc_length(nodes)[-1], 1e-9))
     appearance = sample_appearance(scene.image_bgr, event_from_rgb, nodes_event, diameter)

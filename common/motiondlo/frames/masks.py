@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import cv2
@@ -30,6 +31,8 @@ class MaskSet:
     obstacles: Mask | None = None
     """(h, w) uint8 0/1: things on the board that are no DLOs but may hold or hide one; None if the backend is blind
     to them."""
+    stages_ns: Mapping[str, int] = field(default_factory=dict)
+    """Host time per stage, where the backend measures it."""
 
 
 def suppress_duplicates(masks: tuple[ScoredMask, ...], max_iou: float, min_area: int = 1) -> tuple[ScoredMask, ...]:

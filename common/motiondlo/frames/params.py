@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from motiondlo.frames.backend_params import OnnxParams, Sam3Params
+
 
 class _Params(BaseModel):
     model_config = ConfigDict(frozen=True, strict=True, extra="forbid")
@@ -16,6 +18,9 @@ class CheckParams(_Params):
     bright_level: int = Field(default=252, ge=128, le=255, description="grey level from which a pixel is saturated")
     max_dark_share: float = Field(default=0.97, gt=0.0, le=1.0, description="more black pixels: the frame is black")
     max_bright_share: float = Field(default=0.7, gt=0.0, le=1.0, description="more saturated ones: over-exposed")
+    max_flat_share: float = Field(
+        default=0.05, gt=0.0, le=1.0, description="more rows of one single colour at the lower edge: cut short"
+    )
     max_blur_px: float = Field(
         default=5.5, gt=0.5, le=100.0, description="10-90 % width of edges of a moving DLO, px at 1296 px width"
     )
@@ -147,8 +152,16 @@ class InstanceParams(_Params):
 class FrameParams(_Params):
     """All parameters of the frame branch."""
 
-    backend: str = Field(default="classical", description="segmenter backend: classical or replay")
+    backend: str = Field(default="classical", description="segmenter backend: classical, sam3, onnx or replay")
+    time_limit_s: float = Field(
+        default=10.0, ge=0.1, le=600.0, description="sam3, onnx: a live frame that takes longer is given up"
+    )
+    load_limit_s: float = Field(
+        default=300.0, ge=1.0, le=3600.0, description="sam3, onnx: the same for loading the model"
+    )
     replay_folder: str = Field(default="", description="replay: folder of mask images, one folder or file per frame")
+    sam3: Sam3Params = Sam3Params()
+    onnx: OnnxParams = OnnxParams()
     check: CheckParams = CheckParams()
     foreground: ForegroundParams = ForegroundParams()
     faint: FaintParams = FaintParams()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from time import perf_counter_ns
 
@@ -20,9 +21,11 @@ from motiondlo.frames.masks import Mask, MaskSet, fit_mask, union
 from motiondlo.frames.params import FrameParams
 from motiondlo.frames.segments import Screen, Segment, is_plausible, measure_segment, without_overlaps, without_repeats
 from motiondlo.frames.skeleton_graph import build_graph, distance_inside, prune_spurs, skeletonise
+from motiondlo.frames.smear import rise_px
 from motiondlo.frames.strip import Scene
 from motiondlo.frames.traversal import Chain, traverse
 from motiondlo.frames.types import Segmentation
+from motiondlo.geometry.camera_map import CameraMap
 from motiondlo.geometry.curve import arc_length
 
 FloatArray = npt.NDArray[np.float64]
@@ -41,6 +44,12 @@ class StageTimes:
         self.ns[stage] = self.ns.get(stage, 0) + now - self._last
         self._last = now
 
+    def split(self, stage: str, parts: Mapping[str, int]) -> None:
+        """Show the parts of a stage that measured itself; what they do not account for stays with the stage."""
+        for name, ns in parts.items():
+            self.ns[f"{stage}.{name}"] = self.ns.get(f"{stage}.{name}", 0) + ns
+        self.ns[stage] = max(0, self.ns.get(stage, 0) - sum(parts.values()))
+
     @property
     def total_ms(self) -> float:
         """Sum over all stages."""
@@ -50,7 +59,7 @@ class StageTimes:
 def segment_frame(
     image_bgr: Image,
     background: Image | None,
-    event_from_rgb: FloatArray | None,
+    event_from_rgb: FloatArray | CameraMap | None,
     params: FrameParams,
     t_us: int,
     frame_name: str,
@@ -84,6 +93,7 @@ def segment_frame(
         else backend.segment(image_bgr, background, frame_name)
     )
     times.lap("segment")
+    times.split("segment", masks.stages_ns)
     scene = Scene(image_bgr, background, board)
     mask = refined_mask(masks, board, params)
     times.lap("clean")
@@ -99,7 +109,8 @@ def segment_frame(
     instances = tuple(make_instance(scene, dlo, event_from_rgb, score, params) for score, dlo in sharp)
     times.lap("fit")
     if not instances:
-        return failed(FrameFailure.BLURRED if dlos or smeared else FrameFailure.NOTHING_FOUND)
+        smeared = smeared or bool(dlos) or any(is_smeared(rise_px(scene, chain), scene, params) for chain in chains)
+        return failed(FrameFailure.BLURRED if smeared else FrameFailure.NOTHING_FOUND)
     return Segmentation(t_us, frame_name, instances, backend=backend.name, elapsed_ms=times.total_ms)
 
 

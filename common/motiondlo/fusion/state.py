@@ -44,6 +44,8 @@ class FusedDlo:
     moving: bool
     source: str
     t_corrected_us: int
+    sigma_tangent_px: FloatArray | None = None
+    """(M,) standard deviation along the curve; None where nobody said."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +67,12 @@ class FrameRequest:
 
 
 def fused_dlo(track: TrackState) -> FusedDlo:
-    """The public view of a track: the covariance reduced to the standard deviation along the normal."""
-    normals = left_normals(tangents(track.nodes))
+    """The public view of a track: the covariance reduced to the standard deviations across and along the curve."""
+    along = tangents(track.nodes)
+    normals = left_normals(along)
     xx, xy, yy = track.cov_px2.T
     variance = normals[:, 0] ** 2 * xx + 2 * normals[:, 0] * normals[:, 1] * xy + normals[:, 1] ** 2 * yy
+    variance_along = along[:, 0] ** 2 * xx + 2 * along[:, 0] * along[:, 1] * xy + along[:, 1] ** 2 * yy
     return FusedDlo(
         id=track.id,
         nodes=track.nodes,
@@ -81,4 +85,5 @@ def fused_dlo(track: TrackState) -> FusedDlo:
         moving=track.moving,
         source=track.source.value,
         t_corrected_us=track.t_corrected_us,
+        sigma_tangent_px=np.sqrt(np.maximum(variance_along, 0.0)),
     )

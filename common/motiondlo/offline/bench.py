@@ -1,13 +1,14 @@
 """Time per update and per stage of the offline loop.
 
-What counts is what the event path does for each batch: decoding, the tracker's stages, fusion. Segmenting frames does
-not (another process does it in a cell), nor does compilation: a first pass over the recording's beginning is not timed.
+What counts is what the event path does for each batch: decoding, the tracker's stages, writing its message, fusion.
+Segmenting frames does not (another process does it in a cell), nor does compilation: a first pass over the recording's
+beginning is not timed.
 """
 
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from time import perf_counter_ns, thread_time_ns
@@ -17,18 +18,25 @@ import numpy as np
 import numpy.typing as npt
 
 from motiondlo.events.cutter import BatchCutter
-from motiondlo.events.reader import EventFile, make_decoder
+from motiondlo.events.reader import make_decoder
+from motiondlo.events.stream_decoder import StreamDecoder
 from motiondlo.events.types import EventBatch
+from motiondlo.messages import wire
+from motiondlo.messages.header import Stamp
+from motiondlo.messages.track import TrackMessage
 from motiondlo.offline.options import TrackOptions
 from motiondlo.offline.progress import Progress, no_progress
 from motiondlo.offline.run_track import prepare
 from motiondlo.recording.layout import Recording
+from motiondlo.tracking.types import TrackUpdate
 
 Int64Array = npt.NDArray[np.int64]
 
 WARM_UP_UPDATES = 3000
+_STAMP = Stamp(seq=1, cell="bench", source="event-tracker", t_sent_ns=0)
+_LAST = ("publication", "fusion")
 # About what a camera's transfer holds; larger pieces would book the decoding of many batches to one of them.
-_TRANSFER_BYTES = 1 << 13
+TRANSFER_BYTES = 1 << 13
 
 
 @dataclass(frozen=True)
@@ -53,12 +61,16 @@ class Timing:
             "update_ms": percentiles(update_ms),
             "update_moving_ms": percentiles(update_ms[self.moving]),
             "update_cpu_ms": percentiles(self.cpu_ns / 1e6),
-            "stages_ms": {
-                name: {key: value for key, value in percentiles(ns / 1e6).items() if key != "max"}
-                for name, ns in self.stages_ns.items()
-            },
+            "stages_ms": self._stages(np.ones(len(update_ms), np.bool_)),
+            "stages_moving_ms": self._stages(self.moving),
             "events": self.events,
             "events_per_s": round(self.events / max(self.total_ns.sum() / 1e9, 1e-9)),
+        }
+
+    def _stages(self, use: npt.NDArray[np.bool_]) -> dict[str, dict[str, float | None]]:
+        return {
+            name: {key: value for key, value in percentiles(ns[use] / 1e6).items() if key != "max"}
+            for name, ns in self.stages_ns.items()
         }
 
 
@@ -75,14 +87,14 @@ def measure(recording: Recording, options: TrackOptions, progress: Progress = no
     options = replace(options, timed=True)
     prepare(recording, options)  # wrong options fail before the warm-up
     _pass(recording, options, WARM_UP_UPDATES, lambda share: progress(0.5 * share))
-    with _frozen_garbage_collector():
+    with frozen_garbage_collector():
         return _pass(recording, options, None, lambda share: progress(0.5 + 0.5 * share))
 
 
 def _pass(recording: Recording, options: TrackOptions, limit: int | None, progress: Progress) -> Timing:
     run = prepare(recording, options)
-    raw = list(run.events.raw_chunks(_TRANSFER_BYTES))
-    batches = _decoded(run.events, raw, options.update_us)
+    raw = list(run.events.raw_chunks(TRANSFER_BYTES))
+    batches = decoded_batches(make_decoder(run.events.header, run.events.geometry), raw, options.update_us)
     loop = run.loop
     totals: list[int] = []
     cpu: list[int] = []
@@ -105,6 +117,8 @@ def _pass(recording: Recording, options: TrackOptions, limit: int | None, progre
         delivered_ns = perf_counter_ns()
         update = loop.track(batch)
         tracked_ns = perf_counter_ns()
+        published(update)
+        published_ns = perf_counter_ns()
         state = loop.fuse(update)
         fused_ns = perf_counter_ns()
         cpu.append(thread_time_ns() - cpu_began_ns)
@@ -112,7 +126,8 @@ def _pass(recording: Recording, options: TrackOptions, limit: int | None, progre
         stages_now = {
             "decode": decoded_ns - began_ns,
             **update.stages_ns,
-            "fusion": delivered_ns - delivering_ns + fused_ns - tracked_ns,
+            "publication": published_ns - tracked_ns,
+            "fusion": delivered_ns - delivering_ns + fused_ns - published_ns,
         }
         if len(stages_now) > len(order):
             order = list(stages_now)
@@ -127,7 +142,7 @@ def _pass(recording: Recording, options: TrackOptions, limit: int | None, progre
             progress(min(batch.t1_us / run.end_us, 1.0))
     progress(1.0)
     # As in the update that had the most of them: most updates at rest skip some in the middle.
-    names = sorted(dict.fromkeys([*order, *stages]), key="fusion".__eq__)
+    names = sorted(dict.fromkeys([*order, *stages]), key=lambda name: _LAST.index(name) + 1 if name in _LAST else 0)
     return Timing(
         np.array(totals, np.int64),
         np.array(cpu, np.int64),
@@ -137,9 +152,14 @@ def _pass(recording: Recording, options: TrackOptions, limit: int | None, progre
     )
 
 
-def _decoded(events: EventFile, raw: list[bytes], period_us: int) -> Iterator[EventBatch]:
+def published(update: TrackUpdate) -> bytes:
+    """The tracker's message as it goes on the bus."""
+    return wire.pack(TrackMessage.from_update(update, t_ingest_ns=0).wire_map(_STAMP))
+
+
+def decoded_batches(decoder: StreamDecoder, raw: Iterable[bytes], period_us: int) -> Iterator[EventBatch]:
     """As ``EventFile.batches``, from memory and in pieces of a camera's size."""
-    decoder, cutter = make_decoder(events.header, events.geometry), BatchCutter(period_us)
+    cutter = BatchCutter(period_us)
     for chunk in raw:
         decoded, triggers = decoder.push(chunk)
         yield from cutter.push(decoded, triggers, decoder.time_us)
@@ -149,7 +169,7 @@ def _decoded(events: EventFile, raw: list[bytes], period_us: int) -> Iterator[Ev
 
 
 @contextmanager
-def _frozen_garbage_collector() -> Iterator[None]:
+def frozen_garbage_collector() -> Iterator[None]:
     """The daemons freeze it too: a collection would be booked to whatever stage it interrupts."""
     enabled = gc.isenabled()
     gc.collect()

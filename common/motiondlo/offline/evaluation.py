@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from motiondlo.offline.confidence import Calibration, calibrate
 from motiondlo.offline.ground_truth import GroundTruth
 from motiondlo.offline.matching import count_switches, distances_on_grid, fresh_on_grid, match_ids
 from motiondlo.offline.metrics import Errors, errors_of, judged_grid, judged_seconds, lost_fraction
@@ -58,6 +59,9 @@ class Verdict:
     lag_ms: float | None
     rate_hz: float
     nees: float | None
+    nees_tangent: float | None
+    within_sigma: tuple[float | None, ...]
+    """Shares of the normal errors below 1, 2 and 3 sigma."""
     errors: Errors | None
 
     def as_json(self) -> dict[str, Any]:
@@ -73,6 +77,8 @@ class Verdict:
             "lag_ms": _rounded(self.lag_ms),
             "rate_hz": round(self.rate_hz, 2),
             "nees": _rounded(self.nees),
+            "nees_tangent": _rounded(self.nees_tangent),
+            "within_sigma": [_rounded(share) for share in self.within_sigma],
             "e_detail_mm": self.e_mm.as_json(),
             "cov_detail_mm": self.cov_mm.as_json(),
             "ptc_by_speed_mm": {band: _rounded(value) for band, value in self.ptc_by_speed_mm.items()},
@@ -86,6 +92,8 @@ class Evaluation:
     verdicts: tuple[Verdict, ...]
     unmatched_ids: tuple[int, ...]
     """Ids that no true DLO was left for."""
+    calibration: Calibration | None
+    """What the confidence of the DLOs that move is worth; None where the tracks have none."""
 
     @property
     def moved(self) -> tuple[Verdict, ...]:
@@ -103,6 +111,7 @@ class Evaluation:
             "moved": [verdict.as_json() for verdict in self.moved],
             "static": [verdict.as_json() for verdict in self.static],
             "unmatched_ids": list(self.unmatched_ids),
+            "confidence": None if self.calibration is None else self.calibration.as_json(),
         }
 
 
@@ -111,7 +120,20 @@ def evaluate(tracks: Tracks, truth: GroundTruth) -> Evaluation:
     matched = match_ids(tracks, truth)
     verdicts = tuple(_verdict(tracks, truth, dlo, matched.get(dlo)) for dlo in range(truth.count))
     left_over = sorted(set(tracks.known_ids()) - set(matched.values()))
-    return Evaluation(verdicts, tuple(left_over))
+    return Evaluation(verdicts, tuple(left_over), _calibration(tracks, verdicts))
+
+
+def _calibration(tracks: Tracks, verdicts: tuple[Verdict, ...]) -> Calibration | None:
+    confidence, error_mm = [], []
+    for verdict in verdicts:
+        if verdict.moved and verdict.errors is not None:
+            use = verdict.errors.judged
+            confidence.append(tracks.confidence[verdict.errors.rows[use]].astype(np.float64))
+            # Beside the true curve, or not all of it: the worse of the two.
+            error_mm.append(np.fmax(verdict.errors.ptc_mm[use], verdict.errors.cov_mm[use]))
+    if not confidence:
+        return None
+    return calibrate(np.concatenate(confidence), np.concatenate(error_mm))
 
 
 def _verdict(tracks: Tracks, truth: GroundTruth, dlo: int, track_id: int | None) -> Verdict:
@@ -119,12 +141,14 @@ def _verdict(tracks: Tracks, truth: GroundTruth, dlo: int, track_id: int | None)
     seconds = judged_seconds(truth, dlo)
     nothing = np.empty(0)
     if track_id is None:
-        errors, ptc_mm, e_mm, cov_mm, nees, speed_mm_s, switches = None, *([nothing] * 5), 0
+        errors, ptc_mm, e_mm, cov_mm, nees, slip, speed_mm_s, switches = None, *([nothing] * 6), 0
+        within = np.empty((0, 3))
     else:
         errors = errors_of(tracks, track_id, truth, dlo)
         use = errors.judged
         ptc_mm, e_mm, cov_mm = errors.ptc_mm[use], errors.e_mm[use], errors.cov_mm[use]
-        nees, speed_mm_s = errors.nees[use], errors.speed_mm_s[use]
+        nees, slip, within = errors.nees[use], errors.nees_tangent[use], errors.within[use]
+        speed_mm_s = errors.speed_mm_s[use]
         switches = count_switches(
             distances_on_grid(tracks, truth, dlo, grid_us),
             fresh_on_grid(tracks, grid_us),
@@ -147,6 +171,8 @@ def _verdict(tracks: Tracks, truth: GroundTruth, dlo: int, track_id: int | None)
         lag_ms=None if errors is None else errors.lag_ms,
         rate_hz=0.0 if seconds == 0.0 else len(ptc_mm) / seconds,
         nees=Summary.of(nees).mean,
+        nees_tangent=Summary.of(slip).mean,
+        within_sigma=tuple(Summary.of(within[:, k]).mean for k in range(3)),
         errors=errors,
     )
 

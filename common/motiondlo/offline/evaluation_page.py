@@ -26,7 +26,7 @@ p.note { color: #555; }
 
 _HEADINGS = (
     "DLO", "id", "ptc mean", "median", "95 %", "paired", "cov", "lost", "switches", "lag ms", "rate Hz", "NEES",
-    "ptc below 500 mm/s", "500 to 1000", "above 1000",
+    "NEES along", "ptc below 500 mm/s", "500 to 1000", "above 1000",
 )  # fmt: skip
 
 
@@ -43,6 +43,7 @@ def evaluation_page(recording: Path, tracks: Tracks, truth: GroundTruth, evaluat
         "on estimate and truth; cov: visible true nodes to the estimate. Grey rows never move; they are judged while "
         "anything else does. Plots are grey where a DLO is not judged.</p>",
     ]
+    parts += _honesty(evaluation)
     if evaluation.unmatched_ids:
         parts.append(f"<p>Ids that match no DLO: {', '.join(map(str, evaluation.unmatched_ids))}.</p>")
     for verdict in evaluation.moved:
@@ -57,6 +58,25 @@ def evaluation_page(recording: Path, tracks: Tracks, truth: GroundTruth, evaluat
     return "\n".join(parts)
 
 
+def _honesty(evaluation: Evaluation) -> list[str]:
+    """What sigma and confidence are worth."""
+    parts = ["<h2>Honesty</h2>", "<table>\n<tr><th>DLO</th><th>within 1 sigma</th><th>2</th><th>3</th></tr>"]
+    for name, shares in [("honest", (0.683, 0.954, 0.997)), *((v.name, v.within_sigma) for v in evaluation.moved)]:
+        cells = "".join(f"<td>{_figure(share, 3)}</td>" for share in shares)
+        parts.append(f"<tr><td>{escape(name)}</td>{cells}</tr>")
+    parts.append("</table>")
+    if evaluation.calibration is not None:
+        parts.append(f'<p class="note">{escape(evaluation.calibration.summary())}</p>')
+        parts.append("<table>\n<tr><th>confidence</th><th>estimates</th><th>wrong</th><th>mean error, mm</th></tr>")
+        for row in evaluation.calibration.bins:
+            parts.append(
+                f"<tr><td>{row.low:.1f} to {row.high:.1f}</td><td>{row.count}</td>"
+                f"<td>{100 * row.wrong_share:.1f} %</td><td>{row.error_mm:.2f}</td></tr>"
+            )
+        parts.append("</table>")
+    return parts
+
+
 def _row(verdict: Verdict) -> str:
     ptc = verdict.ptc_mm
     cells = (
@@ -68,6 +88,7 @@ def _row(verdict: Verdict) -> str:
         _figure(verdict.lag_ms, 1),
         f"{verdict.rate_hz:.0f}",
         _figure(verdict.nees, 1),
+        _figure(verdict.nees_tangent, 1),
         *(_figure(value, 3) for value in verdict.ptc_by_speed_mm.values()),
     )
     kind = "" if verdict.moved else ' class="static"'

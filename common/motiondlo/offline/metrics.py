@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from motiondlo.offline.ground_truth import GroundTruth
 from motiondlo.offline.matching import FRESH_US, latest_rows
-from motiondlo.offline.metrics_kernels import paired_distance, shifted_normal_distance
+from motiondlo.offline.metrics_kernels import paired_distance, paired_slip, shifted_normal_distance
 from motiondlo.offline.nearest import places_on
 from motiondlo.offline.tracks import Tracks
 
@@ -41,6 +41,11 @@ class Errors:
     cov_mm: FloatArray
     nees: FloatArray
     """Mean over the nodes of (normal distance / sigma) squared; 1 is honest."""
+    nees_tangent: FloatArray
+    """The same along the curve, of the pairs of ``e_mm``. Where the DLO goes on, hidden, past both ends of what is seen
+    of it, the pairs are tied there, and only stretching shows."""
+    within: FloatArray
+    """(R, 3) share of the nodes with a normal distance below 1, 2 and 3 sigma; honest: 0.68, 0.95, 0.997."""
     speed_mm_s: FloatArray
     """Speed of the DLO's fastest node at the estimate's time."""
     lag_ms: float | None
@@ -95,14 +100,19 @@ def errors_of(tracks: Tracks, track_id: int, truth: GroundTruth, dlo: int) -> Er
     with np.errstate(invalid="ignore", divide="ignore"):
         normalised2 = (to_truth.normal_distance / tracks.sigma_px[rows]) ** 2
     measurable = used & np.isfinite(normalised2)
+    e_px, nees_tangent = _paired_px(nodes, tracks.sigma_tangent_px[rows].astype(np.float64), true_nodes, seen, judged)
     return Errors(
         times_us=times_us,
         rows=rows,
         judged=judged,
         ptc_mm=_row_means(to_truth.distance, used) / truth.px_per_mm,
-        e_mm=_paired_px(nodes, true_nodes, seen, judged) / truth.px_per_mm,
+        e_mm=e_px / truth.px_per_mm,
         cov_mm=_row_means(places_on(nodes, true_nodes).distance, seen) / truth.px_per_mm,
         nees=_row_means(normalised2, measurable),
+        nees_tangent=nees_tangent,
+        within=np.stack(
+            [_row_means((normalised2 < k * k).astype(np.float64), measurable) for k in (1.0, 2.0, 3.0)], axis=1
+        ),
         speed_mm_s=truth.speed_mm_s[dlo, index].astype(np.float64),
         lag_ms=_lag_ms(times_us, nodes, used & judged[:, None], to_truth.segment, truth, dlo),
     )
@@ -115,15 +125,18 @@ def _row_means(values: FloatArray, use: BoolArray) -> FloatArray:
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def _paired_px(nodes: FloatArray, true_nodes: FloatArray, seen: BoolArray, judged: BoolArray) -> FloatArray:
-    """Paired error (R,) px: both directions tried, the better one kept for the whole recording."""
+def _paired_px(
+    nodes: FloatArray, sigma_tangent_px: FloatArray, true_nodes: FloatArray, seen: BoolArray, judged: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """Paired error (R,) px and its tangential NEES (R,): both directions tried, the better one kept for all rows."""
     n = true_nodes.shape[1]
     first = seen.argmax(axis=1)
     last = np.where(seen.any(axis=1), n - 1 - seen[:, ::-1].argmax(axis=1), -1)
     each = np.arange(len(nodes))
     extent_ends = np.stack([true_nodes[each, first], true_nodes[each, last]], axis=1)
     results = []
-    for estimate in (nodes, np.ascontiguousarray(nodes[:, ::-1])):
+    slips = []
+    for estimate, sigma in ((nodes, sigma_tangent_px), (nodes[:, ::-1].copy(), sigma_tangent_px[:, ::-1].copy())):
         steps = np.hypot(np.diff(estimate[..., 0], axis=1), np.diff(estimate[..., 1], axis=1))
         s = np.concatenate([np.zeros((len(nodes), 1)), np.cumsum(steps, axis=1)], axis=1)
         found = places_on(estimate, extent_ends)
@@ -135,12 +148,16 @@ def _paired_px(nodes: FloatArray, true_nodes: FloatArray, seen: BoolArray, judge
         cut_last_s = np.where(last < n - 1, at[:, 1], np.nan)
         paired_distance(estimate, true_nodes, first, last, cut_first_s, cut_last_s, result)
         results.append(result)
+        slip = np.empty(len(nodes))
+        paired_slip(estimate, true_nodes, first, last, cut_first_s, cut_last_s, sigma, slip)
+        slips.append(slip)
     counted = [result[judged & np.isfinite(result)] for result in results]
     if not len(counted[0]):
         counted = [result[np.isfinite(result)] for result in results]
     if not len(counted[0]):
-        return results[0]
-    return results[int(counted[1].mean() < counted[0].mean())]
+        return results[0], slips[0]
+    better = int(counted[1].mean() < counted[0].mean())
+    return results[better], slips[better]
 
 
 def _lag_ms(

@@ -108,6 +108,42 @@ def paired_distance(estimate, truth, first, last, cut_first_s, cut_last_s, out):
 
 
 @numba.njit(cache=True, nogil=True)
+def paired_slip(estimate, truth, first, last, cut_first_s, cut_last_s, sigma, out):  # type: ignore[no-untyped-def]
+    """Mean of (difference along the curve / sigma) squared over the pairs of :func:`paired_distance`.
+
+    sigma: (R, M) along the curve at the estimate's equidistant nodes; other arguments as there. NaN where a row has no
+    extent, or some sigma is not a positive number.
+    """
+    rows, count = estimate.shape[0], estimate.shape[1]
+    a = np.empty((count, 2))
+    b = np.empty((count, 2))
+    s_estimate = np.empty(count)
+    s_truth = np.empty(truth.shape[1])
+    for r in range(rows):
+        out[r] = np.nan
+        length = _length(estimate[r], 0, count - 1)
+        if last[r] <= first[r] or length <= 0.0:
+            continue
+        s0 = 0.0 if np.isnan(cut_first_s[r]) else cut_first_s[r]
+        s1 = length if np.isnan(cut_last_s[r]) else cut_last_s[r]
+        low, high = min(s0, s1), max(s0, s1)
+        _walk(estimate[r], 0, count - 1, low, high, a, s_estimate)
+        _walk(truth[r], first[r], last[r], 0.0, _length(truth[r], first[r], last[r]), b, s_truth)
+        total = 0.0
+        for i in range(count):
+            before, after = max(i - 1, 0), min(i + 1, count - 1)
+            tx, ty = b[after, 0] - b[before, 0], b[after, 1] - b[before, 1]
+            norm = max(np.hypot(tx, ty), 1e-9)
+            along = ((a[i, 0] - b[i, 0]) * tx + (a[i, 1] - b[i, 1]) * ty) / norm
+            at = (low + (high - low) * i / (count - 1)) / length * (count - 1)
+            k = min(max(int(at), 0), count - 2)
+            u = min(max(at - k, 0.0), 1.0)
+            sd = sigma[r, k] + u * (sigma[r, k + 1] - sigma[r, k])
+            total += (along / sd) ** 2 if sd > 0.0 else np.nan
+        out[r] = total / count
+
+
+@numba.njit(cache=True, nogil=True)
 def shifted_normal_distance(points, used, t_us, times_us, truth, shifts_us, segment, out):  # type: ignore[no-untyped-def]
     """Mean normal distance of the points to the truth shifted in time, for each shift.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from motiondlo.config.validation import validated
@@ -70,8 +70,12 @@ def profile_used(options: TrackOptions) -> str:
     return "paper" if options.mode is TrackMode.EVENT else options.profile
 
 
-def prepare(recording: Recording, options: TrackOptions) -> TrackRun:
-    """Everything that the run needs, checked before it starts.
+def prepare(
+    recording: Recording,
+    options: TrackOptions,
+    changed: Callable[[FrameBranch], FrameBranch] | None = None,
+) -> TrackRun:
+    """Everything that the run needs, checked before it starts; ``changed`` may put another frame branch in place.
 
     Raises ConfigError for a wrong option, RecordingError or CalibrationError for what the mode needs and is absent.
     """
@@ -80,6 +84,8 @@ def prepare(recording: Recording, options: TrackOptions) -> TrackRun:
     events = open_events(recording.events_path, geometry)
     fusion = FusionCore(validated(FusionParams, options.fusion, "fusion"))
     branch = None if options.mode is TrackMode.EVENT else _frame_branch(recording, options)
+    if branch is not None and changed is not None:
+        branch = changed(branch)
     tracker: EventTracker = (
         FrameHoldTracker()
         if options.mode is TrackMode.FRAME
@@ -101,7 +107,7 @@ def rows_of(states: Iterator[FusedState]) -> Tracks:
     builder = TracksBuilder()
     for state in states:
         for dlo in state.dlos:
-            builder.add(state.t_us, dlo.id, dlo.nodes, dlo.sigma_px, dlo.source)
+            builder.add(state.t_us, dlo.id, dlo.nodes, dlo.sigma_px, dlo.source, dlo.sigma_tangent_px, dlo.confidence)
     return builder.build()
 
 

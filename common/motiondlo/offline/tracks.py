@@ -19,7 +19,9 @@ from motiondlo.offline.archive import read_archive
 
 _SOURCE_DTYPE = np.dtype("U9")
 _FARTHEST_PX = 1e6
-_FIELDS = "times_us (T,), nodes (T, M, 2); optional ids, valid, source (T,), sigma_px (T, M)"
+_FIELDS = (
+    "times_us (T,), nodes (T, M, 2); optional ids, valid, source, confidence (T,), sigma_px, sigma_tangent_px (T, M)"
+)
 
 
 class TracksError(MotionDLOError):
@@ -42,6 +44,10 @@ class Tracks:
     """(T, M) standard deviation normal to the curve, event px; NaN where the tracker gives none."""
     source: npt.NDArray[np.str_]
     """(T,) what the estimate rests on: "event", "frame", "predicted", or "" where unknown."""
+    sigma_tangent_px: npt.NDArray[np.float32]
+    """(T, M) standard deviation along the curve, event px; NaN where the tracker gives none."""
+    confidence: npt.NDArray[np.float32]
+    """(T,) 0..1; NaN where the tracker gives none."""
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -67,6 +73,8 @@ class Tracks:
                     valid=self.valid,
                     sigma_px=self.sigma_px,
                     source=self.source,
+                    sigma_tangent_px=self.sigma_tangent_px,
+                    confidence=self.confidence,
                 )
         except OSError as error:
             raise TracksError(f"{path}: cannot be written ({error.strerror}).", "Choose another --out.") from error
@@ -79,9 +87,11 @@ def make_tracks(
     valid: npt.NDArray[Any] | None = None,
     sigma_px: npt.NDArray[Any] | None = None,
     source: npt.NDArray[Any] | None = None,
+    sigma_tangent_px: npt.NDArray[Any] | None = None,
+    confidence: npt.NDArray[Any] | None = None,
     name: str = "tracks",
 ) -> Tracks:
-    """Check arrays and fill in the optional ones (ids 0, valid True, sigma NaN, source "").
+    """Check arrays and fill in the optional ones (ids 0, valid True, sigmas and confidence NaN, source "").
 
     Shapes as in :class:`Tracks`. Raises TracksError that names ``name``, the array and what is wrong with it.
     """
@@ -103,9 +113,9 @@ def make_tracks(
     valid = np.ones(rows, np.bool_) if valid is None else np.asarray(valid)
     if valid.shape != (rows,) or valid.dtype.kind not in "biu":
         raise _wrong(name, "valid", valid, f"({rows},) of booleans")
-    sigma_px = np.full((rows, count), np.nan, np.float32) if sigma_px is None else np.asarray(sigma_px)
-    if sigma_px.shape != (rows, count) or sigma_px.dtype.kind != "f":
-        raise _wrong(name, "sigma_px", sigma_px, f"({rows}, {count}) of floats")
+    sigma_px = _floats(name, "sigma_px", sigma_px, (rows, count))
+    sigma_tangent_px = _floats(name, "sigma_tangent_px", sigma_tangent_px, (rows, count))
+    confidence = _floats(name, "confidence", confidence, (rows,))
     source = np.zeros(rows, _SOURCE_DTYPE) if source is None else np.asarray(source)
     if source.shape != (rows,) or source.dtype.kind not in "US":
         raise _wrong(name, "source", source, f"({rows},) of strings")
@@ -117,8 +127,10 @@ def make_tracks(
         nodes=nodes.astype(np.float32),
         ids=ids.astype(np.int64),
         valid=valid.astype(np.bool_) & finite,
-        sigma_px=sigma_px.astype(np.float32),
+        sigma_px=sigma_px,
         source=source.astype(_SOURCE_DTYPE),
+        sigma_tangent_px=sigma_tangent_px,
+        confidence=confidence,
     )
 
 
@@ -130,7 +142,9 @@ def load_tracks(path: Path) -> Tracks:
     for key in ("times_us", "nodes"):
         if key not in arrays:
             raise TracksError(f"{path}: has no array {key}.", f"It must hold {_FIELDS}.")
-    optional = {key: arrays.get(key) for key in ("ids", "valid", "sigma_px", "source")}
+    optional = {
+        key: arrays.get(key) for key in ("ids", "valid", "sigma_px", "source", "sigma_tangent_px", "confidence")
+    }
     return make_tracks(arrays["times_us"], arrays["nodes"], name=str(path), **optional)
 
 
@@ -142,7 +156,9 @@ class TracksBuilder:
         self._ids: list[int] = []
         self._nodes: list[npt.NDArray[np.float64]] = []
         self._sigma_px: list[npt.NDArray[np.float64]] = []
+        self._sigma_tangent_px: list[npt.NDArray[np.float64]] = []
         self._source: list[str] = []
+        self._confidence: list[float] = []
 
     def add(
         self,
@@ -151,13 +167,17 @@ class TracksBuilder:
         nodes: npt.NDArray[np.float64],
         sigma_px: npt.NDArray[np.float64],
         source: str,
+        sigma_tangent_px: npt.NDArray[np.float64] | None = None,
+        confidence: float = float("nan"),
     ) -> None:
-        """Append one row. nodes: (M, 2) event px; sigma_px: (M,) event px."""
+        """Append one row. nodes: (M, 2) event px; sigma_px, sigma_tangent_px: (M,) event px."""
         self._times_us.append(t_us)
         self._ids.append(track_id)
         self._nodes.append(nodes)
         self._sigma_px.append(sigma_px)
+        self._sigma_tangent_px.append(np.full(len(nodes), np.nan) if sigma_tangent_px is None else sigma_tangent_px)
         self._source.append(source)
+        self._confidence.append(confidence)
 
     def build(self) -> Tracks:
         """All rows so far. Raises TracksError when times went backwards."""
@@ -165,20 +185,35 @@ class TracksBuilder:
         count = max((len(nodes) for nodes in self._nodes), default=2)
         nodes = np.empty((rows, count, 2), np.float32)
         sigma_px = np.empty((rows, count), np.float32)
+        sigma_tangent_px = np.empty((rows, count), np.float32)
         places = np.linspace(0.0, 1.0, count)
-        for row, (chain, sigma) in enumerate(zip(self._nodes, self._sigma_px, strict=True)):
+        for row, (chain, sigma, along) in enumerate(
+            zip(self._nodes, self._sigma_px, self._sigma_tangent_px, strict=True)
+        ):
             if len(chain) == count:
-                nodes[row], sigma_px[row] = chain, sigma
+                nodes[row], sigma_px[row], sigma_tangent_px[row] = chain, sigma, along
             else:
                 nodes[row] = resample(chain, count)
-                sigma_px[row] = np.interp(places, np.linspace(0.0, 1.0, len(sigma)), sigma)
+                at = np.linspace(0.0, 1.0, len(sigma))
+                sigma_px[row], sigma_tangent_px[row] = np.interp(places, at, sigma), np.interp(places, at, along)
         return make_tracks(
             np.array(self._times_us, np.int64),
             nodes,
             ids=np.array(self._ids, np.int64),
             sigma_px=sigma_px,
             source=np.array(self._source, _SOURCE_DTYPE),
+            sigma_tangent_px=sigma_tangent_px,
+            confidence=np.array(self._confidence, np.float32),
         )
+
+
+def _floats(name: str, key: str, array: npt.NDArray[Any] | None, shape: tuple[int, ...]) -> npt.NDArray[np.float32]:
+    """An optional array of floats, NaN where it is absent."""
+    array = np.full(shape, np.nan, np.float32) if array is None else np.asarray(array)
+    if array.shape != shape or array.dtype.kind != "f":
+        expected = ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "")
+        raise _wrong(name, key, array, f"({expected}) of floats")
+    return array.astype(np.float32)
 
 
 def _wrong(name: str, key: str, array: npt.NDArray[Any], expected: str) -> TracksError:

@@ -18,8 +18,7 @@ def run(args: Namespace) -> int:
     """Supervise until told to stop."""
     import sys
 
-    from motiondlo_services.cell_config import bus_section, check_configuration
-    from motiondlo_services.processes import PROCESSES
+    from motiondlo_services.cell_config import bus_section, check_configuration, check_source, wanted_processes
     from motiondlo_services.runtime.shutdown import StopFlag
     from motiondlo_services.supervisor import Supervisor, supervise
 
@@ -28,13 +27,15 @@ def run(args: Namespace) -> int:
             print(f"motiondlo run: {line}", file=sys.stderr, flush=True)  # noqa: T201
 
     cell = check_configuration(args.config)
+    check_source(cell)
     cell.event_from_rgb()
     cell.background()
     stop = StopFlag().install()
-    say(f"cell {cell.cell.name}: starting {', '.join(row.name for row in PROCESSES)}")
+    rows = wanted_processes(args.config)
+    say(f"cell {cell.cell.name}: starting {', '.join(row.name for row in rows)}")
     say(f"state: motiondlo/{cell.cell.name}/state at {bus_section(args.config).all_endpoints()['fusion']}")
     supervise(
-        Supervisor(args.config.resolve(), PROCESSES),
+        Supervisor(args.config.resolve(), rows),
         stopped=lambda: bool(stop),
         say=say,
         until_finished=("event-ingest",) if args.until_finished else (),

@@ -8,15 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from motiondlo.config.cell import Cell
-from motiondlo.config.loader import load_section
 from motiondlo.errors import MotionDLOError
 from motiondlo.events.reader import open_events
-from motiondlo.frames.backend import create_backend
 from motiondlo.geometry.homography import warp_points
 from motiondlo_services.cell_config import bus_section, check_configuration
+from motiondlo_services.doctor.cameras import check_cameras
 from motiondlo_services.doctor.findings import Finding, failure, ok, warning
+from motiondlo_services.doctor.lenses import check_lenses
+from motiondlo_services.doctor.security import check_security
+from motiondlo_services.doctor.segmenter import check_segmenter
 from motiondlo_services.runtime.bus_section import BusSection
-from motiondlo_services.segmenter.config import SegmenterConfig
 
 
 def check_cell(path: Path) -> list[Finding]:
@@ -27,8 +28,10 @@ def check_cell(path: Path) -> list[Finding]:
         return [failure("configuration", error.what, error.what_to_do)]
     findings = [ok("configuration", f"{path}: every section is valid")]
     findings += _recording(cell)
-    findings += [_homography(cell), _background(cell), _scale(cell), _segmenter(cell)]
+    findings += [_homography(cell), *check_lenses(cell), _background(cell), _scale(cell)]
+    findings += check_segmenter(cell)
     findings += _endpoints(bus_section(path))
+    findings += check_security(cell, bus_section(path))
     return findings
 
 
@@ -36,13 +39,7 @@ def _recording(cell: Cell) -> list[Finding]:
     try:
         recording = cell.recording()
         if recording is None:
-            return [
-                failure(
-                    "source",
-                    "[replay] recording is empty, and this version has no camera drivers",
-                    "Name a recording to play.",
-                )
-            ]
+            return check_cameras(cell.path)
         events = open_events(recording.events_path)
     except MotionDLOError as error:
         return [failure("recording", error.what, error.what_to_do)]
@@ -88,18 +85,20 @@ def _background(cell: Cell) -> Finding:
 
 
 def _scale(cell: Cell) -> Finding:
-    px_per_mm = cell.px_per_mm()
-    if px_per_mm is None:
-        return warning("scale", "px_per_mm is not known", "Set [calibration] px_per_mm to have nodes_mm in the state.")
-    return ok("scale", f"{px_per_mm:.3f} px/mm")
-
-
-def _segmenter(cell: Cell) -> Finding:
     try:
-        backend = create_backend(load_section(cell.path, "segmenter", SegmenterConfig))
+        plane = cell.work_plane()
     except MotionDLOError as error:
-        return failure("segmenter", error.what, error.what_to_do)
-    return ok("segmenter", f"backend {backend.name}")
+        return failure("scale", error.what, error.what_to_do)
+    if plane is None:
+        return warning(
+            "scale", "no scale is known", "Set [calibration] px_per_mm or work_plane to have nodes_mm in the state."
+        )
+    least, most = plane.px_per_mm_over(cell.geometry.width_px, cell.geometry.height_px)
+    if not 0.1 <= least <= most <= 200.0 or most > 3.0 * least:
+        return failure(
+            "scale", f"from {least:.3g} to {most:.3g} px/mm over the event image: not plausible", "Calibrate it again."
+        )
+    return ok("scale", f"{least:.3f} px/mm" if most - least < 5e-4 else f"{least:.3f} to {most:.3f} px/mm")
 
 
 def _endpoints(section: BusSection) -> list[Finding]:
@@ -107,17 +106,10 @@ def _endpoints(section: BusSection) -> list[Finding]:
     for daemon, endpoint in section.all_endpoints().items():
         protocol, _, address = endpoint.partition("/")
         host, _, port = address.rpartition(":")
-        if protocol not in ("tcp", "tls") or not port.isdigit():
+        if protocol != "tcp":
             continue
-        if host not in ("127.0.0.1", "localhost", "[::1]"):
-            findings.append(
-                warning(
-                    "endpoints",
-                    f"{daemon} listens on {endpoint}, beyond this host",
-                    "Keep daemons on loopback; let others in through a gate with access control.",
-                )
-            )
-        with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        family = socket.AF_INET6 if host.startswith("[") else socket.AF_INET
+        with socket.socket(family, socket.SOCK_STREAM) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
                 probe.bind((host.strip("[]"), int(port)))
@@ -129,4 +121,4 @@ def _endpoints(section: BusSection) -> list[Finding]:
                         "Fine if the cell is running; otherwise set [bus] first_port.",
                     )
                 )
-    return findings or [ok("endpoints", "all free, all on loopback")]
+    return findings or [ok("endpoints", "all free, all within this host")]

@@ -47,6 +47,10 @@ class EventIngestCore:
     def __init__(self, decoder: StreamDecoder | None, batch_us: int = 1000, max_backlog: int = 50) -> None:
         """decoder: None when only batches will be pushed. max_backlog: batches that may wait to be taken."""
         self._decoder = decoder
+        self._batch_us = batch_us
+        self._shift_us: int | None = 0
+        self._resume_us = -1
+        self._outage_batches = 0
         self._cutter = BatchCutter(batch_us)
         self._max_backlog = max_backlog
         self._backlog: deque[IngestedBatch] = deque()
@@ -64,6 +68,20 @@ class EventIngestCore:
         """Batches dropped here, and batches known to be missing in what came in."""
         self.t_us = -1
         """End of the newest batch."""
+        self.epoch = 0
+        """How often the camera's own clock started anew; event time goes on regardless."""
+
+    def attach(self, decoder: StreamDecoder, host_ns: int, resume_us: int = -1) -> None:
+        """The camera was opened (anew) at ``host_ns``: bytes from now on are its, and its clock has started anew.
+
+        Event time goes on where the host's clock says that it is; ``resume_us``: where it is, when this ingest cannot
+        know (it was started into a running cell), -1 otherwise. The batches of the outage count as lost.
+        """
+        self.finish(host_ns)
+        if self._decoder is not None:
+            self.epoch += 1
+        self._decoder = decoder
+        self._shift_us, self._resume_us = None, resume_us
 
     def push(self, raw: bytes, host_ns: int) -> None:
         """Take bytes as the camera sent them, which arrived at ``host_ns``. Raises RuntimeError without a decoder."""
@@ -72,8 +90,18 @@ class EventIngestCore:
         events, triggers = self._decoder.push(raw)
         now_us = self._decoder.time_us
         if now_us >= 0:
+            if self._shift_us is None:
+                self._go_on(now_us, host_ns)
+            if self._shift_us:
+                events["t"] += self._shift_us
+                triggers["t"] += self._shift_us
+                now_us += self._shift_us
             self.clock.update(now_us, host_ns)
-        self._take(self._cutter.push(events, triggers, now_us), host_ns)
+        batches = self._cutter.push(events, triggers, now_us)
+        if self._outage_batches and (first := next(batches, None)) is not None:
+            lost, self._outage_batches = first.lost_before + self._outage_batches, 0
+            self._take((replace(first, lost_before=lost),), host_ns)
+        self._take(batches, host_ns)
 
     def push_batches(self, batches: Iterable[EventBatch], host_ns: int) -> None:
         """Take batches that were cut already (replay), entering at ``host_ns``."""
@@ -85,7 +113,10 @@ class EventIngestCore:
         """End of the raw stream: what the decoder and the current batch still hold."""
         if self._decoder is not None:
             events, triggers = self._decoder.flush()
-            self._take(self._cutter.push(events, triggers, self._decoder.time_us), host_ns)
+            shift_us = self._shift_us or 0
+            events["t"] += shift_us
+            triggers["t"] += shift_us
+            self._take(self._cutter.push(events, triggers, self._decoder.time_us + shift_us), host_ns)
             self._take(self._cutter.finish(), host_ns)
 
     def pop(self) -> IngestedBatch | None:
@@ -118,7 +149,7 @@ class EventIngestCore:
     @property
     def rejects(self) -> dict[str, int]:
         """Counts per reason, for health."""
-        damage = self._damage()
+        damage = self.damage
         counts = {
             RejectReason.BATCH_DROPPED.value: self.lost,
             RejectReason.OUT_OF_SENSOR.value: damage.get("out_of_sensor", 0),
@@ -134,7 +165,7 @@ class EventIngestCore:
             "batches": self.batches,
             "triggers": self.trigger_monitor.triggers,
             "triggers_missed": self.trigger_monitor.missed,
-            "damage": self._damage(),
+            "damage": self.damage,
             "clock_marks": {} if self._decoder is None else self._decoder.marks,
             "backlog": self.backlog,
             "lost_batches": self.lost,
@@ -142,7 +173,22 @@ class EventIngestCore:
             "clock": self.clock.as_dict(),
         }
 
-    def _damage(self) -> dict[str, int]:
+    def _go_on(self, device_us: int, host_ns: int) -> None:
+        """Settle how far event time is ahead of the camera's clock, and where batches go on."""
+        resume_us = self.clock.event_us(host_ns) if self.clock.ready else self._resume_us
+        resume_us = max(resume_us, self.t_us)
+        self._shift_us = 0
+        if resume_us < 0:
+            return
+        first_us = -(-resume_us // self._batch_us) * self._batch_us
+        self._shift_us = first_us - device_us
+        self._cutter = BatchCutter(self._batch_us, first_us)
+        if self.t_us >= 0:
+            self._outage_batches = (first_us - self.t_us) // self._batch_us
+
+    @property
+    def damage(self) -> dict[str, int]:
+        """Counts per kind of damage in the raw stream since the camera was opened."""
         return {} if self._decoder is None else self._decoder.damage
 
     def _take(self, batches: Iterable[EventBatch], host_ns: int) -> None:

@@ -1,4 +1,4 @@
-"""The event ingest's shell: plays a recording's events at their pace; batches, triggers and the clock's mapping out."""
+"""The event ingest's shell: a camera, or a recording at its pace; batches, triggers and the clock's mapping out."""
 
 from __future__ import annotations
 
@@ -8,33 +8,33 @@ from collections.abc import Iterator
 from itertools import islice
 
 from motiondlo.bus.session import Bus
-from motiondlo.errors import ConfigError
 from motiondlo.events.reader import EventFile, open_events
 from motiondlo.events.types import EventBatch
-from motiondlo.messages.events import ClockMessage, EventBatchMessage, TriggerMessage
 from motiondlo.messages.reject import Rejected
-from motiondlo.topics import EVENTS_BATCH, EVENTS_CLOCK, EVENTS_TRIGGER, HEALTH, STATE
+from motiondlo.topics import HEALTH, STATE
 from motiondlo_services.event_ingest.config import EventIngestConfig
 from motiondlo_services.event_ingest.core import EventIngestCore, due_ns
+from motiondlo_services.event_ingest.live import serve_camera
 from motiondlo_services.event_ingest.readiness import TrackerReadiness
+from motiondlo_services.event_ingest.sending import Sender
 from motiondlo_services.runtime.shell import Shell, run_daemon
 
 WAIT_S = 0.05
 GRACE_S = 0.2
 """After the tracker has its first DLOs: time for the bus to connect the rest."""
 WARM_UP_BATCHES = 20
-CLOCK_PERIOD_NS = 500_000_000
 LATE_NS = 20_000_000
 """When sending is this far behind, what is due is taken in first, so that the core can drop the oldest."""
 
 
 def serve(shell: Shell, bus: Bus) -> None:
-    """Play the recording once."""
+    """Play the recording once, or read the camera until told to stop."""
     # Configuration and source.
     config = shell.section(EventIngestConfig)
     recording = shell.cell.recording()
     if recording is None:
-        raise ConfigError(f"{shell.config_path}: [replay] recording is empty.", "Name the recording to play.")
+        serve_camera(shell, bus, config, _resume_us)
+        return
     events = open_events(recording.events_path, shell.cell.geometry)
     _compile_kernels(open_events(recording.events_path, shell.cell.geometry), config.batch_us)
     player = _Player(shell, bus, events, config)
@@ -51,19 +51,18 @@ def serve(shell: Shell, bus: Bus) -> None:
 
 
 class _Player:
-    """Hands batches to the core when they are due, sends what it gives back, and the clock's mapping."""
+    """Hands batches to the core when they are due, sends what it gives back."""
 
     def __init__(self, shell: Shell, bus: Bus, events: EventFile, config: EventIngestConfig) -> None:
-        self._shell, self._events = shell, events
+        self._shell = shell
         self._core = EventIngestCore(None, config.batch_us, config.max_backlog)
-        self._batches = bus.publisher(EVENTS_BATCH)
-        self._triggers = bus.publisher(EVENTS_TRIGGER)
-        self._clocks = bus.publisher(EVENTS_CLOCK)
-        self._next_clock_ns = 0
+        self._sender = Sender(
+            shell, bus, self._core, lambda: {f"damage {kind}": count for kind, count in events.damage.items()}
+        )
 
     def has_readers(self) -> bool:
         """Whether somebody takes the batches."""
-        return self._batches.has_readers()
+        return self._sender.has_readers()
 
     def play(self, batches: Iterator[EventBatch]) -> None:
         """Until the end, or until told to stop."""
@@ -79,44 +78,8 @@ class _Player:
                 time.sleep(-late_ns * 1e-9)
             self._core.push_batches((batch,), time.monotonic_ns())
             if speed <= 0 or late_ns < LATE_NS:
-                self._send()
-        self._send()
-
-    def _send(self) -> None:
-        """Send all that waits."""
-        geometry = self._shell.cell.geometry
-        while (item := self._core.pop()) is not None:
-            self._batches.put(
-                EventBatchMessage.from_batch(item.batch, item.t_ingest_ns, geometry.width_px, geometry.height_px)
-            )
-        triggers = self._core.take_triggers()
-        if len(triggers):
-            self._triggers.put(
-                TriggerMessage(t_us=int(triggers["t"][-1]), triggers=triggers, t_ingest_ns=time.monotonic_ns())
-            )
-        shell = self._shell
-        shell.t_us = self._core.t_us
-        shell.take_over({"batches": self._core.batches, "events": self._core.events, "lost": self._core.lost})
-        self._send_clock()
-        shell.lifecycle = "degraded" if self._core.overloaded else "running"
-        damage = {f"damage {kind}": count for kind, count in self._events.damage.items()}
-        shell.tick({"triggers": self._core.trigger_monitor.triggers, **damage}, self._core.rejects)
-
-    def _send_clock(self) -> None:
-        clock, now_ns = self._core.clock, time.monotonic_ns()
-        if now_ns < self._next_clock_ns or not clock.ready:
-            return
-        self._next_clock_ns = now_ns + CLOCK_PERIOD_NS
-        t_us = self._core.t_us
-        self._clocks.put(
-            ClockMessage(
-                t_us=t_us,
-                anchor_us=t_us,
-                anchor_host_ns=clock.host_ns(t_us),
-                drift_ppm=clock.drift_ppm,
-                sigma_us=clock.uncertainty_us,
-            )
-        )
+                self._sender.send()
+        self._sender.send()
 
 
 def _compile_kernels(events: EventFile, batch_us: int) -> None:

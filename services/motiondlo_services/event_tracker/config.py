@@ -6,6 +6,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from motiondlo.tracking.backlog import MOST_MERGED, MOST_WAITING, PATIENCE
+
 
 class EventTrackerConfig(BaseModel):
     """The event tracker's section."""
@@ -17,14 +19,17 @@ class EventTrackerConfig(BaseModel):
         default_factory=dict, description="parameters of the profile that this cell changes"
     )
     patience: int = Field(
-        default=2,
+        default=PATIENCE,
         ge=1,
         le=1000,
         description="so many waiting batches are published one by one; more share a publication",
     )
     most_merged: int = Field(
-        default=4, ge=1, le=100, description="one publication takes no more waiting batches than this"
+        default=MOST_MERGED, ge=1, le=100, description="one publication takes no more waiting batches than this"
     )
     most_waiting: int = Field(
-        default=150, ge=1, le=10_000, description="beyond so many waiting batches the oldest are dropped, and counted"
+        default=MOST_WAITING,
+        ge=1,
+        le=10_000,
+        description="beyond so many waiting batches the oldest are dropped, and counted",
     )

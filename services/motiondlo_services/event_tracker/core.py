@@ -9,21 +9,14 @@ it costs as much as the short ones that it replaces, and a replay no longer give
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from motiondlo.events.types import EventBatch
 from motiondlo.rejects import RejectCounter
+from motiondlo.tracking.backlog import Backlog
 from motiondlo.tracking.types import Correction, EventTracker, TrackUpdate
-
-
-@dataclass(frozen=True)
-class Waiting:
-    """A batch that waits for its update."""
-
-    batch: EventBatch
-    t_ingest_ns: int
 
 
 @dataclass(frozen=True)
@@ -46,11 +39,7 @@ class EventTrackerCore:
         ``most_waiting``: beyond it the oldest are dropped, so that neither memory nor lag grows without bound.
         """
         self._tracker = tracker
-        self._patience = patience
-        self._most = most
-        self._waiting: deque[Waiting] = deque()
-        self._most_waiting = most_waiting
-        self._lost = 0
+        self._backlog = Backlog(patience, most, most_waiting)
         self.rejects = RejectCounter()
         self.counts: Counter[str] = Counter()
         self.tracks = 0
@@ -65,26 +54,18 @@ class EventTrackerCore:
 
     def push(self, batch: EventBatch, t_ingest_ns: int) -> None:
         """A batch has arrived, whose newest event entered the system at ``t_ingest_ns``."""
-        self._waiting.append(Waiting(batch, t_ingest_ns))
-        while len(self._waiting) > self._most_waiting:
-            dropped = self._waiting.popleft().batch
-            self._lost += 1 + dropped.lost_before
+        self._backlog.push(batch, t_ingest_ns)
 
     @property
     def waiting(self) -> int:
         """Batches that wait for an update."""
-        return len(self._waiting)
+        return len(self._backlog)
 
     def step(self) -> Step | None:
         """What is due of the waiting batches, for one publication; None when nothing waits."""
-        count = min(len(self._waiting), self._most if len(self._waiting) > self._patience else 1)
-        if not count:
+        taken = self._backlog.take()
+        if not taken:
             return None
-        taken = [self._waiting.popleft() for _ in range(count)]
-        if self._lost:
-            first = taken[0]
-            taken[0] = replace(first, batch=replace(first.batch, lost_before=first.batch.lost_before + self._lost))
-            self._lost = 0
         whole = not any(item.batch.lost_before for item in taken)
         return Step(self.on_batches([item.batch for item in taken]), taken[-1].t_ingest_ns, whole)
 

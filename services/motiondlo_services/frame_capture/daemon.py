@@ -1,4 +1,4 @@
-"""The frame capture's shell: triggers and requests in, frames out. Plays the frames of a recording."""
+"""The frame capture's shell: triggers and requests in, frames out. A camera, or the frames of a recording."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import sys
 import time
 
 from motiondlo.bus.session import Bus
-from motiondlo.errors import ConfigError
 from motiondlo.messages.frame import FrameMessage
 from motiondlo.recording.layout import read_image
 from motiondlo.rejects import RejectReason
 from motiondlo.topics import EVENTS_TRIGGER, FRAME
 from motiondlo_services.frame_capture.config import FrameCaptureConfig
 from motiondlo_services.frame_capture.core import Capture, CaptureCore
+from motiondlo_services.frame_capture.live import serve_camera
 from motiondlo_services.runtime.shell import Shell, run_daemon
 
 WAIT_S = 0.1
@@ -25,7 +25,8 @@ def serve(shell: Shell, bus: Bus) -> None:
     config = shell.section(FrameCaptureConfig)
     recording = shell.cell.recording()
     if recording is None:
-        raise ConfigError(f"{shell.config_path}: [replay] recording is empty.", "Name the recording to play.")
+        serve_camera(shell, bus, config)
+        return
     core = CaptureCore(recording.frames, config.pairing_tolerance_us, config.publish_all)
     for reason, count in recording.rejects.items():
         core.rejects.count(reason, n=count)

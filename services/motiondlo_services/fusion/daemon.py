@@ -25,7 +25,7 @@ def serve(shell: Shell, bus: Bus) -> None:
     """Fuse until told to stop."""
     # Configuration and core. Corrections number on from the host's clock, so that a restart never repeats a number.
     core = FusionCore(shell.section(FusionConfig), first_seq=time.monotonic_ns() // 1000)
-    px_per_mm = shell.cell.px_per_mm()
+    work_plane = shell.cell.work_plane()
     replay = shell.cell.replay
     hold = SegmentationHold(int(replay.segmenter_latency_ms * 1000) if replay.recording else 0)
 
@@ -41,7 +41,7 @@ def serve(shell: Shell, bus: Bus) -> None:
 
     def on_track(message: TrackMessage) -> None:
         state = core.on_track(message.to_update())
-        states.put(state_message(state, message.t_ingest_ns, px_per_mm))
+        states.put(state_message(state, message.t_ingest_ns, work_plane))
         shell.latency("state", time.monotonic_ns() - message.t_ingest_ns)
         shell.counts["states"] += 1
         _send(corrections, core.corrections_due(), shell)

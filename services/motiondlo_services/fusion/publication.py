@@ -10,13 +10,14 @@ import numpy.typing as npt
 
 from motiondlo.frames.types import Segmentation
 from motiondlo.fusion.state import FusedDlo, FusedState
+from motiondlo.geometry.work_plane import WorkPlane
 from motiondlo.messages.header import trusted
 from motiondlo.messages.state import StateDlo, StateMessage
 
 Float32Array = npt.NDArray[np.float32]
 
 
-def state_message(state: FusedState, t_ingest_ns: int, px_per_mm: float | None) -> StateMessage:
+def state_message(state: FusedState, t_ingest_ns: int, work_plane: WorkPlane | None) -> StateMessage:
     """The message of a state; our own arrays are not validated again (this runs a thousand times a second)."""
     return trusted(
         StateMessage,
@@ -26,12 +27,12 @@ def state_message(state: FusedState, t_ingest_ns: int, px_per_mm: float | None) 
             "t_utc_ns": time.time_ns(),
             "t_ingest_ns": t_ingest_ns,
             "mode": state.mode.value,
-            "dlos": tuple(_dlo(dlo, px_per_mm) for dlo in state.dlos),
+            "dlos": tuple(_dlo(dlo, work_plane) for dlo in state.dlos),
         },
     )
 
 
-def _dlo(dlo: FusedDlo, px_per_mm: float | None) -> StateDlo:
+def _dlo(dlo: FusedDlo, work_plane: WorkPlane | None) -> StateDlo:
     return trusted(
         StateDlo,
         {
@@ -46,7 +47,7 @@ def _dlo(dlo: FusedDlo, px_per_mm: float | None) -> StateDlo:
             "moving": bool(dlo.moving),
             "source": str(dlo.source),
             "t_corrected_us": int(dlo.t_corrected_us),
-            "nodes_mm": None if px_per_mm is None else _single(dlo.nodes / px_per_mm),
+            "nodes_mm": None if work_plane is None else _single(work_plane.mm(dlo.nodes)),
         },
     )
 

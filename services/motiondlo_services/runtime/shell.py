@@ -17,6 +17,7 @@ from typing import Literal, TypeVar
 from pydantic import BaseModel
 
 from motiondlo import __version__
+from motiondlo.bus.config import BusConfig
 from motiondlo.bus.session import Bus, open_bus
 from motiondlo.config.cell import Cell, load_cell
 from motiondlo.config.loader import load_section
@@ -89,6 +90,11 @@ class Shell:
         self._notifier.send("READY=1")
         self._next_health_ns = 0
 
+    def not_wanted(self) -> None:
+        """The configuration has no work for this daemon: tell the manager that all is well before it ends."""
+        self._notifier.send("READY=1", f"STATUS=not enabled in {self.config_path}")
+        self.close()
+
     def latency(self, name: str, value_ns: int) -> None:
         """Note a latency for health."""
         window = self.latencies.get(name)
@@ -153,8 +159,20 @@ class Shell:
         self._notifier.close()
 
 
-def run_daemon(name: str, body: Callable[[Shell, Bus], None]) -> int:
-    """Run a daemon from the command line until it is told to stop, or its work is done; returns the exit code."""
+def mesh_session(shell: Shell, section: BusSection) -> BusConfig:
+    """The session of a daemon among its peers."""
+    return section.of_daemon(shell.cell.cell.name, shell.row.name)
+
+
+def run_daemon(
+    name: str,
+    body: Callable[[Shell, Bus], None],
+    session: Callable[[Shell, BusSection], BusConfig | None] = mesh_session,
+) -> int:
+    """Run a daemon from the command line until it is told to stop, or its work is done; returns the exit code.
+
+    ``session``: the daemon's session, if it is not one of the mesh; None when the configuration does not want it.
+    """
     row = process(name)
     parser = argparse.ArgumentParser(prog=f"motiondlo-{name}", description=f"MotionDLO daemon: {row.purpose}.")
     parser.add_argument("--config", type=Path, required=True, metavar="FILE", help="the cell's configuration")
@@ -166,7 +184,12 @@ def run_daemon(name: str, body: Callable[[Shell, Bus], None]) -> int:
     try:
         shell = Shell(row, args.config)
         section = load_section(args.config, "bus", BusSection)
-        with open_bus(section.of_daemon(shell.cell.cell.name, name), name) as bus:
+        section.prepare_socket_folder()
+        config = session(shell, section)
+        if config is None:
+            shell.not_wanted()
+            return 0
+        with open_bus(config, name) as bus:
             shell.use_bus(bus)
             try:
                 body(shell, bus)

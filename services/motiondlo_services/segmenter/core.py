@@ -2,7 +2,7 @@
 
 A frame without a DLO, or a bad picture, is an ordinary failure: the next frame is tried at once. A backend that raises
 (out of memory, lost accelerator) is tried again after a pause that doubles, so that it is not hammered while it
-recovers.
+recovers; so is one that ran out of time. While a model is loading, each frame is answered at once that it is.
 """
 
 from __future__ import annotations
@@ -13,11 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from motiondlo.frames.backend import SegmenterBackend
+from motiondlo.frames.backend import BackendUnavailable, SegmenterBackend
 from motiondlo.frames.checks import FrameFailure
 from motiondlo.frames.params import FrameParams
 from motiondlo.frames.pipeline import StageTimes, segment_frame
 from motiondlo.frames.types import Segmentation
+from motiondlo.geometry.camera_map import CameraMap
 from motiondlo.rejects import RejectCounter, RejectReason
 
 Image = npt.NDArray[np.uint8]
@@ -40,15 +41,20 @@ class SegmenterCore:
         self,
         params: FrameParams,
         backend: SegmenterBackend,
-        event_from_rgb: npt.NDArray[np.float64] | None = None,
+        event_from_rgb: npt.NDArray[np.float64] | CameraMap | None = None,
         background: Image | None = None,
         policy: BackoffPolicy | None = None,
+        frame_size: tuple[int, int] | None = None,
     ) -> None:
-        """event_from_rgb: (3, 3) float64 or None; background: (H, W, 3) uint8 BGR or None."""
+        """event_from_rgb: (3, 3) float64 or None; background: (H, W, 3) uint8 BGR or None.
+
+        frame_size: (width, height) that the homography was made for; frames of another one are refused. None: any.
+        """
         self._params = params
         self._backend = backend
         self._event_from_rgb = event_from_rgb
         self._background = background
+        self._frame_size = frame_size
         self._policy = policy if policy is not None else BackoffPolicy()
         self._broken_in_a_row = 0
         self._retry_us = -1
@@ -75,6 +81,8 @@ class SegmenterCore:
         if 0 <= t_us < self._retry_us:
             self.counts["paused"] += 1
             return self._counted(self._broken(t_us, frame_name))
+        if self._frame_size is not None and image_bgr.shape[1::-1] != self._frame_size:
+            return self._counted(self._broken(t_us, frame_name, FrameFailure.WRONG_SIZE))
         times = StageTimes()
         try:
             result = segment_frame(
@@ -87,11 +95,14 @@ class SegmenterCore:
                 self._backend,
                 times,
             )
+        except BackendUnavailable as refusal:
+            self.problem = f"{frame_name}: {refusal}"
+            if refusal.failure is not FrameFailure.STILL_LOADING:
+                self._pause(t_us)
+            return self._counted(self._broken(t_us, frame_name, refusal.failure))
         except Exception as error:  # noqa: BLE001 -- whatever a frame does to a backend, the segmenter lives on
             self.problem = f"{frame_name}: {type(error).__name__}: {error}"
-            self._broken_in_a_row += 1
-            pause_us = min(self._policy.first_us << min(self._broken_in_a_row - 1, 20), self._policy.longest_us)
-            self._retry_us = t_us + pause_us
+            self._pause(t_us)
             return self._counted(self._broken(t_us, frame_name))
         self._broken_in_a_row = 0
         self._retry_us = -1
@@ -99,8 +110,13 @@ class SegmenterCore:
         self.stages_ns = times.ns
         return self._counted(result)
 
-    def _broken(self, t_us: int, frame_name: str) -> Segmentation:
-        return Segmentation(t_us, frame_name, failure=FrameFailure.BACKEND_FAILED.value, backend=self._backend.name)
+    def _pause(self, t_us: int) -> None:
+        self._broken_in_a_row += 1
+        pause_us = min(self._policy.first_us << min(self._broken_in_a_row - 1, 20), self._policy.longest_us)
+        self._retry_us = t_us + pause_us
+
+    def _broken(self, t_us: int, frame_name: str, failure: FrameFailure = FrameFailure.BACKEND_FAILED) -> Segmentation:
+        return Segmentation(t_us, frame_name, failure=failure.value, backend=self._backend.name)
 
     def _counted(self, result: Segmentation) -> Segmentation:
         if result.failure:

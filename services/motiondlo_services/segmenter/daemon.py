@@ -3,50 +3,91 @@
 from __future__ import annotations
 
 import sys
+from contextlib import ExitStack, suppress
 
 import numpy as np
 
 from motiondlo.bus.session import Bus
-from motiondlo.frames.backend import create_backend
+from motiondlo.config.cell import Cell
+from motiondlo.frames.backend import SegmenterBackend, check_model, create_backend, runs_model
+from motiondlo.frames.classical import ClassicalBackend
 from motiondlo.messages.frame import FrameMessage
 from motiondlo.messages.segmentation import SegmentationMessage
 from motiondlo.topics import FRAME, SEGMENTATION
 from motiondlo_services.runtime.shell import Shell, run_daemon
 from motiondlo_services.segmenter.config import SegmenterConfig
 from motiondlo_services.segmenter.core import SegmenterCore
+from motiondlo_services.segmenter.worker import WorkerBackend
 
 WAIT_S = 0.2
 
 
 def serve(shell: Shell, bus: Bus) -> None:
     """Segment until told to stop."""
-    # Configuration and core; kernels are loaded before the first frame is accepted.
-    config = shell.section(SegmenterConfig)
-    backend = create_backend(config)
-    background = shell.cell.background()
-    event_from_rgb = shell.cell.event_from_rgb()
-    if background is not None:
-        SegmenterCore(config, backend, event_from_rgb, background).on_frame(background, -1, "warm-up")
-    core = SegmenterCore(config, backend, event_from_rgb, background)
+    # Configuration and core; kernels are loaded before the first frame is accepted, a model in the background.
+    config = shell.section(SegmenterConfig).resolved(shell.cell.path.parent)
+    with ExitStack() as stack:
+        backend = _backend(config, shell, stack)
+        background = shell.cell.background()
+        event_from_rgb = shell.cell.event_map()
+        if background is not None:
+            warm = SegmenterCore(config, ClassicalBackend(config.foreground), event_from_rgb, background)
+            warm.on_frame(background, -1, "warm-up")
+        core = SegmenterCore(config, backend, event_from_rgb, background, frame_size=_frame_size(shell.cell))
 
-    # Bus.
-    frames = bus.subscriber(FRAME)
-    segmentations = bus.publisher(SEGMENTATION)
-    shell.ready()
+        # Bus.
+        frames = bus.subscriber(FRAME)
+        segmentations = bus.publisher(SEGMENTATION)
+        shell.ready()
 
-    # Loop.
-    while shell.running:
-        bus.wait(WAIT_S, frames)
-        message = frames.newest()
-        if message is not None:
-            result = core.on_frame(_bgr(message), message.t_us, message.name)
-            segmentations.put(SegmentationMessage.from_segmentation(result, message.request_id))
-            shell.t_us = message.t_us
-            shell.latency("segment", int(result.elapsed_ms * 1e6))
-            shell.take_over(core.counts)
-            shell.problems = (core.problem,) if core.problem else ()
-            shell.lifecycle = "degraded" if core.degraded else "running"
-        shell.tick({"backend": backend.name}, core.rejects.as_dict(), now=message is not None)
+        # Loop.
+        with suppress(_Stopped):
+            while shell.running:
+                bus.wait(WAIT_S, frames)
+                message = frames.newest()
+                if message is not None:
+                    shell.t_us = message.t_us
+                    result = core.on_frame(_bgr(message), message.t_us, message.name)
+                    segmentations.put(SegmentationMessage.from_segmentation(result, message.request_id))
+                    shell.latency("segment", int(result.elapsed_ms * 1e6))
+                    for stage, elapsed_ns in core.stages_ns.items():
+                        shell.latency(stage, elapsed_ns)
+                    shell.take_over(core.counts)
+                    shell.problems = (core.problem,) if core.problem else ()
+                    shell.lifecycle = "degraded" if core.degraded else "running"
+                shell.tick(_info(backend), core.rejects.as_dict(), now=message is not None)
+
+
+class _Stopped(Exception):
+    """The process was asked to stop while a frame was waited for."""
+
+
+def _backend(config: SegmenterConfig, shell: Shell, stack: ExitStack) -> SegmenterBackend:
+    """The backend in this process, or in one of its own where it runs a model."""
+    if not runs_model(config.backend):
+        return create_backend(config)
+    check_model(config)
+
+    def pulse() -> None:
+        if not shell.running:
+            raise _Stopped
+        shell.tick(_info(backend), {})
+
+    backend = WorkerBackend(config, pulse)
+    stack.callback(backend.stop)
+    return backend
+
+
+def _frame_size(cell: Cell) -> tuple[int, int] | None:
+    recording = cell.recording()
+    size = None if recording is None else recording.camera_info.rgb
+    return None if size is None else (size.width, size.height)
+
+
+def _info(backend: SegmenterBackend) -> dict[str, bool | int | float | str]:
+    if isinstance(backend, WorkerBackend):
+        return {"backend": backend.name, "model": backend.poll().value, "model_restarts": backend.restarts}
+    return {"backend": backend.name}
 
 
 def _bgr(message: FrameMessage) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:

@@ -93,6 +93,17 @@ def test_data_from_beyond_the_event_horizon_are_refused(session: FakeSession, st
     assert states.recv(WAIT_S) is not None
 
 
+def test_what_comes_after_an_outage_is_not_from_the_future(
+    session: FakeSession, states: Subscriber[StateMessage], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_ns = time.monotonic_ns()
+    monkeypatch.setattr(time, "monotonic_ns", lambda: now_ns - 3_000_000_000)
+    states.horizon_us = state().t_us - 3_000_000
+    monkeypatch.undo()
+    session.feed(state(), 0)
+    assert states.recv(WAIT_S) is not None
+
+
 def test_an_input_is_alive_until_its_deadline_has_passed(
     session: FakeSession, states: Subscriber[StateMessage]
 ) -> None:

@@ -56,3 +56,41 @@ def test_absent_truth_absent_tracks_and_a_place_that_cannot_be_written(recording
     argv = ["eval", str(recording), "--tracks", str(recording / "tracks.npz"), "--json", str(empty / "no" / "e.json")]
     assert main(argv) == 1
     assert "no folder" in capsys.readouterr().err
+
+
+def test_tracks_are_of_one_recording(recording, capsys):
+    assert main(["eval", str(recording), str(recording), "--tracks", str(recording / "tracks.npz")]) == 1
+    assert "several" in capsys.readouterr().err
+
+
+def test_tracks_or_an_ablation_is_asked_for(recording):
+    with pytest.raises(SystemExit) as usage:
+        main(["eval", str(recording)])
+    assert usage.value.code == 2
+
+
+def test_ablation_table_and_json(recording, capsys, monkeypatch):
+    from motiondlo.offline import ablation
+
+    def runs(path, options, components, other):
+        yield ablation.Figures(0.1, 0.2, 0.0, 0, 1.0)
+        for k, _ in enumerate(components):
+            yield ablation.Figures(0.1 + 0.01 * k, 0.2, 0.0, 0, 1.0)
+        yield ablation.Figures(3.0, 4.0, 0.5, 1, 9.0)
+
+    monkeypatch.setattr(ablation, "_recording_runs", runs)
+    (recording / "events.raw").write_bytes(b"% evt 3.0\n")
+    assert main(["eval", str(recording), str(recording), "--ablate", "--json", str(recording / "a.json")]) == 0
+    out = capsys.readouterr().out
+    assert "gripper patch" in out
+    assert "default against paper: ptc 0.10 against 3.00 mm" in out
+    document = json.loads((recording / "a.json").read_text())
+    assert document["profile"] == "default"
+    assert len(document["without"][0]["recordings"]) == 2
+    earned = [row["earns_mm"] for row in document["without"]]
+    assert earned == sorted(earned, reverse=True)
+
+
+def test_a_page_needs_tracks(recording, capsys):
+    assert main(["eval", str(recording), "--ablate", "--html", str(recording / "e.html")]) == 1
+    assert "--html" in capsys.readouterr().err

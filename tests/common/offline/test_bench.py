@@ -23,7 +23,7 @@ def test_every_update_is_timed_stage_by_stage(excerpt):
     assert {len(ns) for ns in timing.stages_ns.values()} == {n}
     names = list(timing.stages_ns)
     assert (names[0], names[-1]) == ("decode", "fusion")
-    assert "time_surfaces" in names
+    assert {"time_surfaces", "publication"} <= set(names)
     assert len(timing.cpu_ns) == n
     staged = sum(timing.stages_ns.values())
     assert (staged <= timing.total_ns).all()
@@ -60,14 +60,15 @@ def test_document_of_a_profile():
         total_ns=np.arange(1, 101, dtype=np.int64) * 10_000,
         cpu_ns=np.full(100, 4_000),
         moving=np.arange(100) >= 50,
-        stages_ns={"decode": np.full(100, 5_000), "fusion": np.zeros(100, np.int64)},
+        stages_ns={"decode": np.full(100, 5_000), "fusion": np.where(np.arange(100) >= 50, 2_000, 0)},
         events=50_500,
     )
     document = timing.as_json()
     assert document["updates"] == 100
     assert document["update_ms"] == {"p50": 0.505, "p99": 0.9901, "max": 1.0}
     assert document["update_moving_ms"]["p50"] == 0.755
-    assert document["stages_ms"] == {"decode": {"p50": 0.005, "p99": 0.005}, "fusion": {"p50": 0.0, "p99": 0.0}}
+    assert document["stages_ms"] == {"decode": {"p50": 0.005, "p99": 0.005}, "fusion": {"p50": 0.001, "p99": 0.002}}
+    assert document["stages_moving_ms"]["fusion"] == {"p50": 0.002, "p99": 0.002}
     assert document["update_cpu_ms"] == {"p50": 0.004, "p99": 0.004, "max": 0.004}
     assert document["events_per_s"] == 1_000_000
 

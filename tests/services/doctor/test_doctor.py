@@ -57,10 +57,10 @@ def test_a_wrong_sensor_size_is_found(tmp_path: Path, recording: Path) -> None:
     assert verdicts(path)["sensor size"] == Verdict.FAILURE
 
 
-def test_an_endpoint_beyond_the_host_is_warned_of(tmp_path: Path, recording: Path) -> None:
+def test_an_endpoint_beyond_the_host_is_refused(tmp_path: Path, recording: Path) -> None:
     path = write_replay_cell(tmp_path / "c.toml", recording)
     path.write_text(path.read_text() + '[bus.endpoints]\nfusion = "tcp/0.0.0.0:29999"\n', encoding="utf-8")
-    assert verdicts(path)["endpoints"] == Verdict.WARNING
+    assert verdicts(path)["configuration"] == Verdict.FAILURE
 
 
 def test_the_command_fails_and_says_why(tmp_path: Path, recording: Path, capsys: pytest.CaptureFixture[str]) -> None:

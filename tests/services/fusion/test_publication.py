@@ -6,6 +6,7 @@ import numpy as np
 
 from motiondlo.frames.types import Segmentation
 from motiondlo.fusion.state import FusedDlo, FusedState, Mode
+from motiondlo.geometry.work_plane import plane_of_scale
 from motiondlo.messages.header import Stamp
 from motiondlo.messages.reject import Expectation
 from motiondlo.messages.state import StateMessage
@@ -31,7 +32,7 @@ def fused() -> FusedState:
 
 
 def test_a_state_passes_the_readers_validation_unchanged() -> None:
-    message = state_message(fused(), t_ingest_ns=77, px_per_mm=5.0)
+    message = state_message(fused(), t_ingest_ns=77, work_plane=plane_of_scale(5.0))
     payload = message.to_bytes(Stamp(9, "cell1", "fusion", 100))
     read = StateMessage.from_bytes(payload, Expectation("cell1"))
     assert (read.seq, read.t_us, read.t_events_us, read.t_ingest_ns, read.mode) == (9, 500_000, 499_990, 77, "MOTION")

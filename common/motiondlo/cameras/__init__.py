@@ -1,0 +1,1 @@
+"""Cameras: the interface of event and frame cameras, their drivers, and the pairing of frames with triggers."""

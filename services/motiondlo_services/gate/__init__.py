@@ -1,0 +1,1 @@
+"""The gate: the only way into a cell from outside."""
