@@ -21,7 +21,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from motiondlo.cameras.interface import UNKNOWN, Frame
 from motiondlo.rejects import RejectCounter, RejectReason
 
-MAX_WAITING = 64
+MAX_WAITING = 8
+"""Frames that wait for their triggers; of 2592x1944 they hold 120 MB."""
 LATE_IN_A_ROW = 5
 """So many frames in a row later than the bound: not they are late, the distance of the clocks is wrong."""
 
