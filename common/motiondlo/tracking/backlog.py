@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from motiondlo.events.types import EventBatch
 
-PATIENCE, MOST_MERGED, MOST_WAITING = 2, 4, 150
+PATIENCE, MOST_MERGED, MOST_WAITING = 2, 4, 12
 """What a cell does unless it is told otherwise; see :class:`Backlog`."""
 
 

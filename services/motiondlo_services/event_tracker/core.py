@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from motiondlo.events.types import EventBatch
 from motiondlo.rejects import RejectCounter
-from motiondlo.tracking.backlog import Backlog
+from motiondlo.tracking.backlog import MOST_MERGED, MOST_WAITING, Backlog
 from motiondlo.tracking.types import Correction, EventTracker, TrackUpdate
 
 
@@ -33,7 +33,9 @@ class Step:
 class EventTrackerCore:
     """Feeds an :class:`EventTracker`, one update at a time."""
 
-    def __init__(self, tracker: EventTracker, patience: int, most: int = 4, most_waiting: int = 150) -> None:
+    def __init__(
+        self, tracker: EventTracker, patience: int, most: int = MOST_MERGED, most_waiting: int = MOST_WAITING
+    ) -> None:
         """``patience``: so many waiting batches are published one by one; ``most``: one publication takes no more.
 
         ``most_waiting``: beyond it the oldest are dropped, so that neither memory nor lag grows without bound.

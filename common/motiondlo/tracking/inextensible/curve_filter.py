@@ -6,7 +6,8 @@ import numpy as np
 
 from motiondlo.frames.types import FloatArray
 from motiondlo.geometry.curve import arc_length
-from motiondlo.tracking.inextensible.curve_kernels import acceleration_covariance, place_curve
+from motiondlo.tracking.inextensible.arrays import Curve, Looks, Numbers, Places
+from motiondlo.tracking.inextensible.curve_kernels import ANGLE_FLOOR, acceleration_covariance, place_curve
 from motiondlo.tracking.inextensible.end_rows import Rows
 from motiondlo.tracking.inextensible.filter_kernels import (
     CONSTANTS,
@@ -14,20 +15,16 @@ from motiondlo.tracking.inextensible.filter_kernels import (
     END_B,
     RATIO_A,
     STRETCH,
-    place_stations,
-    predict,
     solve,
 )
 from motiondlo.tracking.inextensible.params import InextensibleParams
-from motiondlo.tracking.inextensible.row_kernels import bend_rows, remember_bend
+from motiondlo.tracking.inextensible.row_kernels import remember_bend
 from motiondlo.tracking.inextensible.shape import STRIDE, fit_pose, make_layout
+from motiondlo.tracking.inextensible.update_kernels import locate, take_in
 from motiondlo.tracking.types import Correction
 
 _FIELD_PX = 24.0
-_ANGLE_FLOOR = 1.0
-"""Inverse variance of angle coefficients, 1/rad^2: no field of places may leave them free."""
 _START_CORRELATION_PX = 120.0
-_LARGEST_SIGMA_PX = 80.0
 GAP_MS = 20.0
 """Longer steps are no motion that could be predicted."""
 
@@ -53,27 +50,34 @@ class CurveFilter:
         self.p: FloatArray = np.empty((m, 2))
         self.th, self.kappa, self.vn, self.vt, self.omega, self.sn, self.sv = (np.zeros(m) for _ in range(7))
         self.h_normal, self.h_stretch = np.zeros((m, n)), np.zeros(m)
-        capacity = m + 2 * n + 16
+        capacity = m + 16
         self.rows = Rows(
             np.zeros((capacity, size)), np.zeros(capacity), np.zeros(capacity), np.zeros(capacity, np.uint8)
         )
-        self._residual = np.zeros(capacity)
         self.place()
         every = max(1, round(_FIELD_PX / p.station_px))
         self._field = np.unique(np.append(np.arange(0, m, every), m - 1)).astype(np.int64)
-        self._field_precision = self._precision(np.ones(len(self._field)), p.correlation_px, 1e-3)
-        self._acceleration = np.zeros((n, n))
-        self._refresh_acceleration()
-        self.cov: FloatArray = self._first_covariance(correction, length)
+        precision = self._precision(np.ones(len(self._field)), p.correlation_px, 1e-3)
+        acceleration = np.zeros((n, n))
+        acceleration_covariance(self.jacobian, self._field, precision, ANGLE_FLOOR, acceleration)
+        self.cov: FloatArray = self._first_covariance(correction, length, acceleration)
         self._first_cov = self.cov.copy()
-        self._constants_q = np.zeros(CONSTANTS)
-        self._constants_q[STRETCH] = p.stretch_walk**2
-        self._memory = np.zeros(n)
-        remember_bend(n, self.x, 1.0, np.ones(m), self._memory)
+        walks = np.zeros(CONSTANTS)
+        walks[STRETCH] = p.stretch_walk**2
+        self.curve = Curve(
+            self.x, self.cov, self.x.copy(), self.cov.copy(), np.zeros(size), np.zeros(size), self.layout.basis,
+            self.theta, self.points, self.jacobian, acceleration, walks, self._field, precision, np.zeros(n),
+            self.layout.ds_px, self.layout.anchor, STRIDE,
+        )  # fmt: skip
+        self.places = Places(
+            s, self.p, self.th, self.kappa, self.vn, self.vt, self.omega, self.sn, self.sv, self.h_normal,
+            self.h_stretch,
+        )  # fmt: skip
+        remember_bend(n, self.x, 1.0, np.ones(m), self.curve.memory)
         self._tick = 0
         self.locate()
 
-    def _first_covariance(self, correction: Correction, length: float) -> FloatArray:
+    def _first_covariance(self, correction: Correction, length: float, acceleration: FloatArray) -> FloatArray:
         """The first shape's own uncertainty, smooth along the DLO, and wider the further it is continued."""
         p = self.params
         n = self.n
@@ -84,9 +88,9 @@ class CurveFilter:
         cov = np.zeros((self.size, self.size))
         precision = self._precision(spread, _START_CORRELATION_PX, 0.05)
         start = np.zeros((n, n))
-        acceleration_covariance(self.jacobian, self._field, precision, _ANGLE_FLOOR, start)
+        acceleration_covariance(self.jacobian, self._field, precision, ANGLE_FLOOR, start)
         cov[:n, :n] = start
-        cov[n : 2 * n, n : 2 * n] = self._acceleration * 0.02**2
+        cov[n : 2 * n, n : 2 * n] = acceleration * 0.02**2
         tips = np.maximum(correction.sigma_tangent_px[[0, -1]], p.tip_offset_sigma_px)
         for k, sd in ((STRETCH, p.stretch_sigma), (END_A, tips[0]), (END_B, tips[1])):
             cov[2 * n + k, 2 * n + k] = sd**2
@@ -100,9 +104,6 @@ class CurveFilter:
         k = ((1.0 + r) * np.exp(-r) + nugget * np.eye(len(s))) * spread[:, None] * spread[None]
         return np.ascontiguousarray(np.linalg.inv(k))
 
-    def _refresh_acceleration(self) -> None:
-        acceleration_covariance(self.jacobian, self._field, self._field_precision, _ANGLE_FLOOR, self._acceleration)
-
     def place(self) -> None:
         """Evaluate the curve at the state."""
         layout = self.layout
@@ -113,70 +114,52 @@ class CurveFilter:
 
     def locate(self) -> None:
         """Evaluate the curve, and what the stations need of it."""
-        self.place()
-        place_stations(
-            self.x, self.cov, self.n, self.points, self.theta, self.jacobian, STRIDE, self.layout.ds_px, self.p,
-            self.th, self.kappa, self.vn, self.vt, self.omega, self.h_normal, self.h_stretch, self.sn, self.sv,
-        )  # fmt: skip
+        locate(self.curve, self.places, self.n)
 
-    def advance(self, dt_ms: float, noise: float) -> None:
-        """Predict by ``dt_ms`` with an acceleration noise of ``noise`` px^2/ms^3."""
-        n = self.n
-        if dt_ms > GAP_MS:
-            # Nothing is known of so long a time: the shape may be anywhere near, and what it did is over.
-            self.x[n : 2 * n] = 0.0
-            self.cov += self._first_cov
-            dt_ms = GAP_MS
-        decay = float(np.exp(-dt_ms / self.params.velocity_decay_ms))
-        if float(self.sn.max()) > _LARGEST_SIGMA_PX:
-            # Out of sight for long: it is lost there already, more noise would only spoil the numbers.
-            noise = 0.0
-            decay = float(np.exp(-dt_ms / 20.0))
-        predict(self.x, self.cov, n, dt_ms, decay, self._acceleration, noise, self._constants_q)
-        self.locate()
+    def bridge(self, dt_ms: float) -> float:
+        """Prepare for a prediction by ``dt_ms``; returns for how long it is to be."""
+        if dt_ms <= GAP_MS:
+            return dt_ms
+        # Nothing is known of so long a time: the shape may be anywhere near, and what it did is over.
+        self.x[self.n : 2 * self.n] = 0.0
+        self.cov += self._first_cov
+        return GAP_MS
 
-    def absorb(self, dt_ms: float, alive: FloatArray) -> bool:
-        """Update from the rows and the remembered bend; False if the numbers failed and the state was kept.
+    def absorb(self, dt_ms: float, looks: Looks, numbers: Numbers) -> tuple[int, float, float] | None:
+        """Update from the rows and the remembered bend.
 
-        alive: (m,) how surely every station is in view: only there the bend is learned.
+        Returns (stations seen, median squared innovation, RMS offset px), or None if the numbers failed and the place
+        was kept.
         """
-        p = self.params
-        rows = self.rows
-        rows.count = bend_rows(
-            rows.count, self.n, dt_ms, self.x, self._memory, p.bend_sigma, p.bend_rate_sigma, rows.h, rows.z, rows.w,
-            rows.robust,
+        self._tick += 1
+        sound, seen, median, fit_px = take_in(
+            self.curve, self.places, looks, self.rows.arrays, numbers, self.n, self.rows.count, dt_ms,
+            self._tick % 2 == 0,
         )  # fmt: skip
-        done = self._solve()
-        self.locate()
-        if done:
-            self._tick += 1
-            if self._tick % 2 == 0:
-                self._refresh_acceleration()
-            remember_bend(self.n, self.x, p.bend_memory * dt_ms, alive, self._memory)
-        return done
+        if not sound:
+            self._start_anew()
+            return None
+        return int(seen), float(median), float(fit_px)
 
     def absorb_correction(self) -> bool:
         """Update from rows of a late correction; the bend is taken from the result."""
-        done = self._solve()
-        self.locate()
-        if done:
-            remember_bend(self.n, self.x, 1.0, np.ones(self.m), self._memory)
-        return done
-
-    def _solve(self) -> bool:
         p = self.params
         rows = self.rows
-        try:
-            sound = bool(solve(
-                self.x, self.cov, rows.h, rows.z, rows.w, rows.count, p.student_nu, p.robust_passes, rows.robust,
-                self._residual,
-            ))  # fmt: skip
-        except np.linalg.LinAlgError:
-            sound = False
-        if not sound:
-            self.x[self.n : 2 * self.n] = 0.0
-            self.cov[:] = self._first_cov + np.diag(np.clip(self.cov.diagonal(), 0.0, 1.0) * 1e-3)
-        return sound
+        step = self.curve.step
+        step[:] = 0.0
+        if not solve(self.cov, step, rows.h, rows.z, rows.w, rows.count, p.student_nu, p.robust_passes, rows.robust):
+            self._start_anew()
+            return False
+        self.x += step
+        self.locate()
+        remember_bend(self.n, self.x, 1.0, np.ones(self.m), self.curve.memory)
+        return True
+
+    def _start_anew(self) -> None:
+        """Keep the place, forget motion and certainty: the numbers failed."""
+        self.x[self.n : 2 * self.n] = 0.0
+        self.cov[:] = self._first_cov
+        self.locate()
 
     def widen_end(self, index: int, sigma_px: float) -> None:
         """Forget what is known of an end's offset: it was found anew."""

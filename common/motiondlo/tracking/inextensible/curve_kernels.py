@@ -11,6 +11,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+ANGLE_FLOOR = 1.0
+"""Inverse variance of angle coefficients, 1/rad^2: no field of places may leave them free."""
+
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def place_curve(q, stretch, basis, ds_px, anchor, stride, theta, points, jacobian):  # type: ignore[no-untyped-def]

@@ -7,27 +7,22 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from motiondlo.events.buckets import EventBuckets
 from motiondlo.events.types import SensorGeometry
 from motiondlo.frames.types import EndKind, FloatArray
+from motiondlo.tracking.inextensible.arrays import Looks, numbers_of
 from motiondlo.tracking.inextensible.curve_filter import GAP_MS, CurveFilter
 from motiondlo.tracking.inextensible.end_rows import EndPose
 from motiondlo.tracking.inextensible.ends import EndTracker
 from motiondlo.tracking.inextensible.filter_kernels import END_A, STRETCH
 from motiondlo.tracking.inextensible.held_kernels import NOT_SEEN_PX, accumulate_presence, outermost_presence
 from motiondlo.tracking.inextensible.late import PastState, carried_innovation, oriented_like
-from motiondlo.tracking.inextensible.observe_kernels import learn_profiles, observe_stations
 from motiondlo.tracking.inextensible.params import InextensibleParams
 from motiondlo.tracking.inextensible.profiles import log_ratios, prior_profiles, visible_at_start
-from motiondlo.tracking.inextensible.row_kernels import find_end, station_rows, update_support
+from motiondlo.tracking.inextensible.row_kernels import find_end
 from motiondlo.tracking.inextensible.shape import STRIDE
-from motiondlo.tracking.inextensible.step_kernels import (
-    fast_speed,
-    fit_summary,
-    largest_innovation,
-    place_end,
-    prepare_stations,
-    publish_nodes,
-)
+from motiondlo.tracking.inextensible.step_kernels import largest_innovation, place_end, publish_nodes
+from motiondlo.tracking.inextensible.update_kernels import look, remember
 from motiondlo.tracking.types import Correction, TrackSource, TrackState
 
 Int64Array = npt.NDArray[np.int64]
@@ -47,8 +42,8 @@ class InextensibleDlo(CurveFilter):
         self.diameter_px = correction.diameter_px if correction.diameter_px > 0 else p.diameter_px
         self.radius_px = 0.5 * self.diameter_px
         # what the stations see
-        self.offset, self.sigma, self.age, self.quality, self.window, self.nis, self.accel = (
-            np.zeros(m) for _ in range(7)
+        self.offset, self.sigma, self.age, self.quality, self.window, self.nis, self.accel, self.density = (
+            np.zeros(m) for _ in range(8)
         )
         self.count = np.zeros(m, np.int64)
         self.good, self.covered, self.active = (np.zeros(m, np.uint8) for _ in range(3))
@@ -60,6 +55,7 @@ class InextensibleDlo(CurveFilter):
         self.profile = self.prior.copy()
         self.floor = p.log_floor / self.prior.shape[2]
         self.llr = log_ratios(self.profile, self.floor)
+        self.numbers = numbers_of(p, geometry.width_px, geometry.height_px, self.floor)
         # ends
         places = (correction.nodes[0].astype(np.float64), correction.nodes[-1].astype(np.float64))
         self.ends = [EndTracker(k, correction.ends[k], length * k, params, self.radius_px, places[k]) for k in range(2)]
@@ -71,8 +67,13 @@ class InextensibleDlo(CurveFilter):
         self.alive = (inside_shape & visible_at_start(s, self.radius_px, correction.appearance)).astype(np.float64)
         self.support = self.alive.copy()
         self.absent_ms = np.zeros(m)
-        self.known_s_px = [0.0, length]
         self.seen_ms = np.zeros(m)
+        self.looks = Looks(
+            self.offset, self.sigma, self.age, self.count, self.quality, self.window, self.window_max, self.density,
+            self.band, self.accel, self.nis, self.active, self.good, self.covered, self.alive, self.support,
+            self.absent_ms, self.seen_ms, self.vn_past, self.prior, self.profile, self.llr,
+        )  # fmt: skip
+        self.known_s_px = [0.0, length]
         self.end_seen_ms = [0.0, 0.0]
         self.seen, self.could = 0, 0
         # motion
@@ -118,60 +119,48 @@ class InextensibleDlo(CurveFilter):
 
     # the step
 
-    def step(self, surface: Int64Array, t_us: int, dt_ms: float) -> None:
+    def step(self, buckets: EventBuckets, t_us: int, dt_ms: float) -> None:
         """Advance to ``t_us`` with everything on the surface."""
         p = self.params
         n = self.n
+        surface = buckets.last_us
         self._turn += 1
-        speed = float(fast_speed(self.vn, self.vt))
-        self.recent_speed = max(speed, self.recent_speed * math.exp(-dt_ms / p.noise_memory_ms))
-        share = max(p.noise_rest_share, min(self.recent_speed / p.noise_speed, 1.5))
-        before_x, before_cov = self.x.copy(), self.cov.copy()
-        self.advance(dt_ms, p.noise_scale * share * self.noise_factor)
-        if dt_ms > GAP_MS and not self.frozen:
-            # It moved on while nobody looked: silence now does not say that it stayed where it was.
-            before_x, before_cov = self.x.copy(), self.cov.copy()
-        active = self.active
+        bridged_ms = self.bridge(dt_ms)
         lo_px, hi_px = self._extent()
-        prepare_stations(
-            dt_ms, self.p, self.s_px, self.vn, self.vn_past, self.past, self.sn, lo_px, hi_px, self.geometry.width_px,
-            self.geometry.height_px, p.window_acceleration_px, p.window_travel_px, p.window_min_ms, p.window_max_ms,
-            p.band_px, p.band_sigmas, p.band_max_px, active, self.accel, self.window_max, self.band,
-        )  # fmt: skip
-        observe_stations(
-            surface, t_us, self.p, self.th, self.kappa, self.vn, self.vt, self.omega, self.sv, self.window_max,
-            self.band, active, self.llr, 0.0, 0.5 * STRIDE * self.layout.ds_px, p.latency_ms, p.window_min_ms,
-            p.events_target, p.events_min, p.ambiguous_velocity, self.offset, self.sigma, self.age, self.count,
-            self.quality, self.window,
-        )  # fmt: skip
         rows = self.rows
-        rows.count, self.seen, self.could = station_rows(
-            n, dt_ms, self.h_normal, self.h_stretch, self.vn, self.sn, self.offset, self.sigma, self.age, self.count,
-            self.quality, self.window, active, self.alive, p.sigma_floor_px, p.sigma_age, p.age_share, p.quality_min,
-            p.events_min, p.rest_sigma, p.rest_velocity, rows.h, rows.z, rows.w, rows.robust, self.good, self.covered,
-            self.nis,
+        rows.count, self.seen, self.could, speed, self.recent_speed = look(
+            self.curve, self.places, self.looks, rows.arrays, self.numbers, n, buckets.rings, buckets.heads,
+            buckets.columns, t_us, dt_ms, bridged_ms, self.recent_speed, self.noise_factor, lo_px, hi_px, self.past,
+            # It moved on while nobody looked: silence then does not say that it stayed where it was.
+            dt_ms > GAP_MS and not self.frozen,
         )  # fmt: skip
         first_end_row = rows.count
         poses = [self._end_pose(end, dt_ms) for end in self.ends]
         for end, pose in zip(self.ends, poses, strict=True):
-            end.observe(surface, t_us, dt_ms, pose, self.x, rows, self.geometry.width_px, self.geometry.height_px)
+            end.observe(buckets, t_us, dt_ms, pose, self.x, rows, self.geometry.width_px, self.geometry.height_px)
+        learn = False
         end_nis = float(largest_innovation(self.cov, rows.h, rows.z, rows.w, first_end_row, rows.count))
         if self._idle(speed, dt_ms):
-            self.x[:] = before_x
+            self.x[:] = self.curve.kept_x
             self.x[n : 2 * n] *= 0.7
-            self.cov[:] = before_cov
+            self.cov[:] = self.curve.kept_cov
             self.silent_ms += dt_ms
             self.frozen = True
             self.locate()
         else:
             self.silent_ms = 0.0
             self.frozen = False
-            if self.absorb(dt_ms, self.alive):
-                self._adapt(dt_ms, end_nis)
-                self._learn(surface, t_us, dt_ms)
-        self.past = int(update_support(
-            dt_ms, active, self.good, self.covered, self.count, self.vn, p.events_min, self.alive, self.support,
-            self.absent_ms, self.seen_ms, self.vn_past, self.past,
+            fit = self.absorb(dt_ms, self.looks, self.numbers)
+            if fit is not None:
+                self._adapt(dt_ms, fit, end_nis)
+                learn = self.seen > 4
+                # Turn by turn: half the cost, and learning is slow anyway.
+                end = self.ends[self._turn % 2]
+                trusted = self.seen > 0.4 * max(self.could, 1)
+                end.learn(buckets, t_us, self._end_pose(end, dt_ms), self.x, trusted)
+        self.past = int(remember(
+            self.curve, self.places, self.looks, self.numbers, buckets.rings, buckets.heads, buckets.columns, t_us,
+            dt_ms, learn, self._turn, self.past,
         ))  # fmt: skip
         for end in self.ends:
             if math.isfinite(end.tip_shift_px) or end.patch_events >= p.patch_events_min:
@@ -247,27 +236,15 @@ class InextensibleDlo(CurveFilter):
         # A fast DLO in view cannot be silent: after a few ms it has stopped, or events are missing.
         return quiet and (speed < 2.0 * p.idle_velocity or (self.could >= 4 and self.quiet_ms > p.stop_ms))
 
-    def _adapt(self, dt_ms: float, end_nis: float) -> None:
+    def _adapt(self, dt_ms: float, fit: tuple[int, float, float], end_nis: float) -> None:
         p = self.params
-        seen, median, self.fit_px = fit_summary(self.good, self.nis, self.offset)
+        seen, median, self.fit_px = fit
         surprised = seen >= 3 and median > p.noise_surprise
         # What pulls a DLO along itself shows at its ends only.
         if surprised or end_nis > p.end_surprise:
             self.noise_factor = min(self.noise_factor * 2.0**dt_ms, p.noise_growth_max)
         else:
             self.noise_factor = max(1.0, self.noise_factor * 0.93**dt_ms)
-
-    def _learn(self, surface: Int64Array, t_us: int, dt_ms: float) -> None:
-        p = self.params
-        trusted = self.seen > 0.4 * max(self.could, 1)
-        if self.seen > 4:
-            learn_profiles(
-                surface, t_us, self.p, self.th, self.kappa, self.vn, self.vt, self.omega, self.window, self.good,
-                self._turn % 4, 4, 0.3, 0.5 * STRIDE * self.layout.ds_px, p.latency_ms, p.learn_rate, p.learn_pull,
-                self.floor, self.prior, self.profile, self.llr,
-            )  # fmt: skip
-        end = self.ends[self._turn % 2]  # turn by turn: half the cost, and learning is slow anyway
-        end.learn(surface, t_us, self._end_pose(end, dt_ms), self.x, trusted)
 
     # rest and late corrections
 

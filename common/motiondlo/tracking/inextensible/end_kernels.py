@@ -10,6 +10,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from motiondlo.events.bucket_kernels import COORDINATE_MASK, TIME_SHIFT, X_SHIFT, Y_MASK, Y_SHIFT, tiles_around
+
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def shortest_window(ages, target, window_min_ms, window_ms):  # type: ignore[no-untyped-def]
@@ -26,74 +28,48 @@ def shortest_window(ages, target, window_min_ms, window_ms):  # type: ignore[no-
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def clip_row(first, last, slope, at, lo, hi):  # type: ignore[no-untyped-def]
-    """The part of ``first .. last`` in which ``lo <= slope * x + at <= hi``, a pixel wider: (first, last)."""
-    if abs(slope) < 1e-3:
-        return first, last
-    u, v = (lo - at) / slope, (hi - at) / slope
-    return max(first, int(np.floor(max(min(u, v), -1e6))) - 1), min(last, int(np.ceil(min(max(u, v), 1e6))) + 1)
-
-
-@numba.njit(cache=True, nogil=True, fastmath=True)
 def collect_patch(  # type: ignore[no-untyped-def]
-    surface,
-    t_us,
-    ox,
-    oy,
-    ex,
-    ey,
-    vx,
-    vy,
-    omega,
-    window_min_ms,
-    window_ms,
-    target,
-    latency_ms,
-    a_min,
-    a_max,
-    b_max,
-    keep_out_px,
-    a_out,
-    b_out,
-    age_out,
-):
+    rings, heads, columns, t_us, ox, oy, ex, ey, vx, vy, omega, window_min_ms, window_ms, likely_ms, target,
+    latency_ms, a_min, a_max, b_max, keep_out_px, a_out, b_out, age_out,
+):  # fmt: skip
     """Events of the patch, moved to now, in its frame. Returns (count, mean age in ms, window in ms).
 
-    The window is the shortest up to ``window_ms`` that holds ``target`` events.
-
+    rings, heads, columns: the event buckets. The window is the shortest up to ``window_ms`` that holds ``target``
+    events; ``likely_ms`` is a guess of it that saves looking further back.
     (ox, oy): origin; (ex, ey): outward direction; (vx, vy) px/ms and omega rad/ms: the patch's motion. Within
     ``keep_out_px`` of the axis, events before the origin (a < 0) belong to the DLO and are left out.
     """
-    height, width = surface.shape[1], surface.shape[2]
     capacity = a_out.shape[0]
-    t_min = t_us - window_ms * 1000.0
-    travel = np.sqrt(vx * vx + vy * vy) * window_ms
-    mid_a = 0.5 * (a_min + a_max)
-    half_a = 0.5 * (a_max - a_min)
-    cx, cy = ox + mid_a * ex - 0.5 * vx * window_ms, oy + mid_a * ey - 0.5 * vy * window_ms
-    margin_x = half_a * abs(ex) + b_max * abs(ey) + 0.5 * travel + 2.0
-    margin_y = half_a * abs(ey) + b_max * abs(ex) + 0.5 * travel + 2.0
-    # Of every row only what may lie in the patch after its motion is looked at.
-    oldest = window_ms + latency_ms
-    reach = margin_x + margin_y + abs(cx - ox) + abs(cy - oy)
-    slack = abs(omega) * reach * oldest
-    v_a, v_b = (ex * vx + ey * vy) * oldest, (-ey * vx + ex * vy) * oldest
-    lo_a, hi_a = a_min - max(v_a, 0.0) - slack, a_max - min(v_a, 0.0) + slack
-    lo_b, hi_b = -b_max - max(v_b, 0.0) - slack, b_max - min(v_b, 0.0) + slack
-    count = 0
     ages = np.zeros(64, np.int64)
-    for y in range(max(0, int(cy - margin_y)), min(height - 1, int(cy + margin_y)) + 1):
-        first, last = max(0, int(cx - margin_x)), min(width - 1, int(cx + margin_x))
-        first, last = clip_row(first, last, ex, ey * (y - oy) - ex * ox, lo_a, hi_a)
-        first, last = clip_row(first, last, -ey, ex * (y - oy) + ey * ox, lo_b, hi_b)
-        for x in range(first, last + 1):
-            for p in range(2):
-                ts = surface[p, y, x]
-                if ts > t_min:
-                    age = (t_us - ts) * 1e-3 + latency_ms
-                    rx, ry = x - ox, y - oy
-                    dx = rx + (vx - omega * ry) * age
-                    dy = ry + (vy + omega * rx) * age
+    count = 0
+    longest = min(window_ms, likely_ms)
+    while True:
+        oldest = longest + latency_ms
+        slack = abs(omega) * (max(abs(a_min), abs(a_max)) + b_max) * oldest + 1.0
+        v_a, v_b = (ex * vx + ey * vy) * oldest, (-ey * vx + ex * vy) * oldest
+        lo_a, hi_a = a_min - max(v_a, 0.0) - slack, a_max - min(v_a, 0.0) + slack
+        lo_b, hi_b = -b_max - max(v_b, 0.0) - slack, b_max - min(v_b, 0.0) + slack
+        r0, r1, c0, c1, cx, cy, far_a, far_b = tiles_around(ox, oy, ex, ey, lo_a, hi_a, lo_b, hi_b, heads, columns)
+        floor = np.int64(t_us - longest * 1000.0 + 1.0) << TIME_SHIFT
+        size = rings.shape[1]
+        count = 0
+        ages[:] = 0
+        for r in range(r0, r1 + 1):
+            for c in range(c0, c1 + 1):
+                ux, uy = 16.0 * c + 7.5 - cx, 16.0 * r + 7.5 - cy
+                if abs(ux * ex + uy * ey) > far_a or abs(-ux * ey + uy * ex) > far_b:
+                    continue
+                tile = r * columns + c
+                head = heads[tile]
+                for k in range(head - 1, max(head - size, 0) - 1, -1):
+                    word = rings[tile, k & (size - 1)]
+                    if word < floor:
+                        break
+                    age = (t_us - (word >> TIME_SHIFT)) * 1e-3
+                    rx = ((word >> X_SHIFT) & COORDINATE_MASK) - ox
+                    ry = ((word >> Y_SHIFT) & Y_MASK) - oy
+                    dx = rx + (vx - omega * ry) * (age + latency_ms)
+                    dy = ry + (vy + omega * rx) * (age + latency_ms)
                     a = ex * dx + ey * dy
                     b = -ey * dx + ex * dy
                     if a < a_min or a >= a_max or abs(b) >= b_max or (a < 0.0 and abs(b) < keep_out_px):
@@ -101,10 +77,13 @@ def collect_patch(  # type: ignore[no-untyped-def]
                     if count < capacity:
                         a_out[count] = a
                         b_out[count] = b
-                        age_out[count] = age - latency_ms
-                        ages[min(int(age_out[count] * 4.0), 63)] += 1
+                        age_out[count] = age
+                        ages[min(int(age * 4.0), 63)] += 1
                         count += 1
-    window = shortest_window(ages, target, window_min_ms, window_ms)
+        if count >= target or longest >= window_ms:
+            break
+        longest = window_ms
+    window = shortest_window(ages, target, window_min_ms, longest)
     kept = 0
     age_sum = 0.0
     for i in range(count):
@@ -230,41 +209,41 @@ def learn_patch(template, log_template, a, b, count, a_min, b_max, rate, floor):
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def collect_tip(  # type: ignore[no-untyped-def]
-    surface, t_us, px, py, ex, ey, vx, vy, window_ms, latency_ms, half_width_px, histogram
+    rings, heads, columns, t_us, px, py, ex, ey, vx, vy, window_ms, latency_ms, half_width_px, histogram
 ):
     """Histogram of events along the outward tangent at a tip, moved to now. Returns (count, mean age in ms)."""
-    height, width = surface.shape[1], surface.shape[2]
     histogram[:] = 0.0
     reach = (histogram.shape[0] - 1) // 2
-    t_min = t_us - window_ms * 1000.0
-    cx, cy = px - 0.5 * vx * window_ms, py - 0.5 * vy * window_ms
-    margin_x = reach * abs(ex) + half_width_px * abs(ey) + 0.5 * abs(vx) * window_ms + 2.0
-    margin_y = reach * abs(ey) + half_width_px * abs(ex) + 0.5 * abs(vy) * window_ms + 2.0
     oldest = window_ms + latency_ms
     v_a, v_b = (ex * vx + ey * vy) * oldest, (-ey * vx + ex * vy) * oldest
+    r0, r1, c0, c1, cx, cy, far_a, far_b = tiles_around(
+        px, py, ex, ey, -reach - 1.0 - max(v_a, 0.0), reach + 1.0 - min(v_a, 0.0), -half_width_px - max(v_b, 0.0),
+        half_width_px - min(v_b, 0.0), heads, columns,
+    )  # fmt: skip
+    floor = np.int64(t_us - window_ms * 1000.0 + 1.0) << TIME_SHIFT
+    size = rings.shape[1]
     count = 0
     ages = 0.0
-    for y in range(max(0, int(cy - margin_y)), min(height - 1, int(cy + margin_y)) + 1):
-        first, last = max(0, int(cx - margin_x)), min(width - 1, int(cx + margin_x))
-        first, last = clip_row(
-            first, last, ex, ey * (y - py) - ex * px, -reach - 1.0 - max(v_a, 0.0), reach + 1.0 - min(v_a, 0.0)
-        )
-        first, last = clip_row(
-            first, last, -ey, ex * (y - py) + ey * px, -half_width_px - max(v_b, 0.0), half_width_px - min(v_b, 0.0)
-        )
-        for x in range(first, last + 1):
-            for p in range(2):
-                ts = surface[p, y, x]
-                if ts > t_min:
-                    age = (t_us - ts) * 1e-3 + latency_ms
-                    dx = x + vx * age - px
-                    dy = y + vy * age - py
-                    if abs(-ey * dx + ex * dy) <= half_width_px:
-                        k = int(np.floor(ex * dx + ey * dy + reach + 0.5))
-                        if 0 <= k < histogram.shape[0]:
-                            histogram[k] += 1.0
-                            count += 1
-                            ages += age - latency_ms
+    for r in range(r0, r1 + 1):
+        for c in range(c0, c1 + 1):
+            ux, uy = 16.0 * c + 7.5 - cx, 16.0 * r + 7.5 - cy
+            if abs(ux * ex + uy * ey) > far_a or abs(-ux * ey + uy * ex) > far_b:
+                continue
+            tile = r * columns + c
+            head = heads[tile]
+            for k in range(head - 1, max(head - size, 0) - 1, -1):
+                word = rings[tile, k & (size - 1)]
+                if word < floor:
+                    break
+                age = (t_us - (word >> TIME_SHIFT)) * 1e-3
+                dx = ((word >> X_SHIFT) & COORDINATE_MASK) + vx * (age + latency_ms) - px
+                dy = ((word >> Y_SHIFT) & Y_MASK) + vy * (age + latency_ms) - py
+                if abs(-ey * dx + ex * dy) <= half_width_px:
+                    bin_ = int(np.floor(ex * dx + ey * dy + reach + 0.5))
+                    if 0 <= bin_ < histogram.shape[0]:
+                        histogram[bin_] += 1.0
+                        count += 1
+                        ages += age
     return count, ages / max(count, 1)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from motiondlo.frames.types import FloatArray
+from motiondlo.tracking.inextensible.arrays import RowArrays
 from motiondlo.tracking.inextensible.row_kernels import end_row
 
 
@@ -39,6 +40,9 @@ class Rows:
     w: FloatArray
     robust: npt.NDArray[np.uint8]
     count: int = 0
+
+    def __post_init__(self) -> None:
+        self.arrays = RowArrays(self.h, self.z, self.w, self.robust)
 
     def add(self, values: FloatArray, z: float, sigma: float, robust: bool = False) -> None:
         """Append one row; ``values`` (N,)."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from motiondlo.events.buckets import EventBuckets
 from motiondlo.frames.types import EndKind, FloatArray
 from motiondlo.tracking.inextensible.end_kernels import (
     collect_patch,
@@ -21,8 +22,6 @@ from motiondlo.tracking.inextensible.end_rows import EndPose, Rows
 from motiondlo.tracking.inextensible.filter_kernels import END_A, RATIO_A
 from motiondlo.tracking.inextensible.held_kernels import PLACES
 from motiondlo.tracking.inextensible.params import InextensibleParams
-
-Int64Array = npt.NDArray[np.int64]
 
 _PATCH_CAPACITY = 8000
 _TIP_REACH_PX = 40
@@ -79,6 +78,7 @@ class EndTracker:
         self._match = np.zeros(7)
         self._tip = np.zeros(2)
         self._window_ms = 1.0
+        self._used_ms = p.window_max_ms
         self._tip_moves = False
 
     @property
@@ -111,7 +111,7 @@ class EndTracker:
 
     def observe(
         self,
-        surface: Int64Array,
+        buckets: EventBuckets,
         t_us: int,
         dt_ms: float,
         pose: EndPose,
@@ -124,18 +124,18 @@ class EndTracker:
         self.tip_shift_px = float("nan")
         self.shift_px = 0.0
         if self.held:
-            self._observe_patch(surface, t_us, dt_ms, pose, x, rows, width, height)
+            self._observe_patch(buckets, t_us, dt_ms, pose, x, rows, width, height)
         elif self.free:
-            self._observe_tip(surface, t_us, dt_ms, pose, x, rows, width, height)
+            self._observe_tip(buckets, t_us, dt_ms, pose, x, rows, width, height)
 
-    def learn(self, surface: Int64Array, t_us: int, pose: EndPose, x: FloatArray, trusted: bool) -> None:
+    def learn(self, buckets: EventBuckets, t_us: int, pose: EndPose, x: FloatArray, trusted: bool) -> None:
         """Learn the patch or the tip's profile at the corrected pose."""
         p = self.params
         speed = math.hypot(pose.velocity[0], pose.velocity[1])
         # The first look counts most: what holds the DLO starts from rest, where the pose is known best.
         sure = trusted or (self.learned < 6 and self.stirred)
         if self.held and self.patch_events >= p.patch_events_min and sure and abs(self.shift_px) < 2.5:
-            count, _ = self._collect(surface, t_us, pose, x)
+            count, _ = self._collect(buckets, t_us, pose, x)
             rate = max(p.patch_learn_rate if speed > 0.5 else 0.3 * p.patch_learn_rate, 1.0 / (self.learned + 1))
             learn_patch(
                 self.template, self.log_template, self._a, self._b, count,
@@ -143,7 +143,7 @@ class EndTracker:
             )  # fmt: skip
             self.learned += 1
         if self.free and trusted and math.isfinite(self.tip_shift_px):
-            count, _ = self._tip_histogram(surface, t_us, pose)
+            count, _ = self._tip_histogram(buckets, t_us, pose)
             if count >= p.tip_events_min:
                 # Aligned where it was matched, not where the state has the tip: else a slip would be learned.
                 match_tip(self._histogram, self.tip_profile, _TIP_SEARCH_PX, self._tip)
@@ -166,22 +166,23 @@ class EndTracker:
         longest = min(max(longest, 1.5), p.window_max_ms)
         return min(max(4.0 / max(speed, 1e-3), p.window_min_ms), longest)
 
-    def _collect(self, surface: Int64Array, t_us: int, pose: EndPose, x: FloatArray) -> tuple[int, float]:
+    def _collect(self, buckets: EventBuckets, t_us: int, pose: EndPose, x: FloatArray) -> tuple[int, float]:
         p = self.params
         ratio = float(x[len(x) - 5 + RATIO_A + self.index])
         lever_x, lever_y = pose.place[0] - self.reference[0], pose.place[1] - self.reference[1]
         count, age, window = collect_patch(
-            surface, t_us, pose.place[0] + ratio * lever_x, pose.place[1] + ratio * lever_y, pose.outward[0],
-            pose.outward[1], pose.velocity[0] * (1.0 + ratio), pose.velocity[1] * (1.0 + ratio), pose.omega,
-            p.window_min_ms, self._window_ms, p.patch_events_used, p.latency_ms, -p.patch_inward_px, p.patch_length_px,
+            buckets.rings, buckets.heads, buckets.columns, t_us, pose.place[0] + ratio * lever_x,
+            pose.place[1] + ratio * lever_y, pose.outward[0], pose.outward[1], pose.velocity[0] * (1.0 + ratio),
+            pose.velocity[1] * (1.0 + ratio), pose.omega, p.window_min_ms, self._window_ms,
+            1.25 * self._used_ms + 0.25, p.patch_events_used, p.latency_ms, -p.patch_inward_px, p.patch_length_px,
             p.patch_half_width_px, 1.4 * self.radius_px, self._a, self._b, self._age,
         )  # fmt: skip
-        self._window_ms = float(window)
+        self._window_ms = self._used_ms = float(window)
         return int(count), float(age)
 
     def _observe_patch(
         self,
-        surface: Int64Array,
+        buckets: EventBuckets,
         t_us: int,
         dt_ms: float,
         pose: EndPose,
@@ -199,7 +200,7 @@ class EndTracker:
         if not inside:
             self.quiet_ms = 0.0
             return
-        count, age = self._collect(surface, t_us, pose, x)
+        count, age = self._collect(buckets, t_us, pose, x)
         self.patch_events = count
         v_x, v_y = pose.velocity.tolist()
         self._follow_background(count / self._window_ms, math.hypot(v_x, v_y), dt_ms)
@@ -241,16 +242,17 @@ class EndTracker:
             sigma = p.patch_angle_sigma_rad * reuse
             rows.add_end(pose, (0.0, 0.0), 1.0, (1.0, lag), float(self._match[2]), sigma)
 
-    def _tip_histogram(self, surface: Int64Array, t_us: int, pose: EndPose) -> tuple[int, float]:
+    def _tip_histogram(self, buckets: EventBuckets, t_us: int, pose: EndPose) -> tuple[int, float]:
         count, age = collect_tip(
-            surface, t_us, pose.place[0], pose.place[1], pose.outward[0], pose.outward[1], pose.velocity[0],
-            pose.velocity[1], self._window_ms, self.params.latency_ms, self.radius_px + 2.0, self._histogram,
+            buckets.rings, buckets.heads, buckets.columns, t_us, pose.place[0], pose.place[1], pose.outward[0],
+            pose.outward[1], pose.velocity[0], pose.velocity[1], self._window_ms, self.params.latency_ms,
+            self.radius_px + 2.0, self._histogram,
         )  # fmt: skip
         return int(count), float(age)
 
     def _observe_tip(
         self,
-        surface: Int64Array,
+        buckets: EventBuckets,
         t_us: int,
         dt_ms: float,
         pose: EndPose,
@@ -264,7 +266,7 @@ class EndTracker:
         if not (margin < pose.place[0] < width - margin and margin < pose.place[1] < height - margin):
             return
         self._window_ms = max(p.window_min_ms, min(self._window(pose), p.tip_events_target / max(self.tip_rate, 1.0)))
-        count, age = self._tip_histogram(surface, t_us, pose)
+        count, age = self._tip_histogram(buckets, t_us, pose)
         self.tip_rate = count / self._window_ms
         if count < p.tip_events_min:
             return

@@ -101,45 +101,111 @@ def place_stations(  # type: ignore[no-untyped-def]
         sv[i] = np.sqrt(max(s_vel, 1e-8))
 
 
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def keep_bend(n, dt_ms, x, memory, bend_sigma, rate_sigma, cov, dx, gain):  # type: ignore[no-untyped-def]
+    """Second differences of the angle coefficients stay near the remembered ones, those of the rates near zero.
+
+    One scalar update after the other, in place, on ``cov`` and on the step ``dx`` (N,) from x. gain: (N,) scratch.
+    """
+    size = cov.shape[0]
+    for part in range(2):
+        sigma = bend_sigma if part == 0 else rate_sigma
+        noise = sigma * sigma / dt_ms
+        for k in range(3, n - 1):
+            b = part * n + k
+            for j in range(size):
+                gain[j] = cov[b - 1, j] - 2.0 * cov[b, j] + cov[b + 1, j]
+            variance = gain[b - 1] - 2.0 * gain[b] + gain[b + 1] + noise
+            now = x[b - 1] + dx[b - 1] - 2.0 * (x[b] + dx[b]) + x[b + 1] + dx[b + 1]
+            share = 1.0 / variance
+            step = ((memory[k] if part == 0 else 0.0) - now) * share
+            for i in range(size):
+                dx[i] += gain[i] * step
+                scaled = gain[i] * share
+                for j in range(size):
+                    cov[i, j] -= scaled * gain[j]
+
+
 # Without fastmath, which would take it for granted that all numbers are finite.
 @numba.njit(cache=True, nogil=True)
-def solve(x, cov, h, z, w, rows, nu, passes, robust, residual):  # type: ignore[no-untyped-def]
-    """Student-t weighted update in place from ``rows`` measurements. Returns whether the numbers held.
-
-    h: (R, N), z, w: (R,), robust: (R,) uint8 1 where the weight falls with the residual. residual (R,) is set to
-    ``z - H dx`` after the update. If the numbers failed (also by LinAlgError), nothing is changed.
-    """
-    size = x.shape[0]
-    hr = np.ascontiguousarray(h[:rows])
-    dx = np.zeros(size)
-    hw = np.empty((rows, size))
-    posterior = cov
-    for turn in range(passes):
-        res = z[:rows] - hr @ dx
-        for i in range(rows):
-            weight = w[i]
-            if robust[i] and w[i] > 0.0:
-                weight = w[i] * (nu + 1.0) / (nu + res[i] * res[i] * w[i])
-            for k in range(size):
-                hw[i, k] = weight * hr[i, k]
-        # (C^-1 + H'WH)^-1 = (1 + C H'WH)^-1 C: the covariance itself is never inverted.
-        a = cov @ (hr.T @ hw)
-        for i in range(size):
-            a[i, i] += 1.0
-        rhs = hw.T @ z[:rows]
-        if turn < passes - 1:
-            dx = np.linalg.solve(a, cov @ rhs)
-        else:
-            posterior = np.linalg.solve(a, cov)
-            dx = posterior @ rhs
-    variances = np.diag(posterior)
-    if not (np.isfinite(dx).all() and np.isfinite(variances).all() and (variances > 0.0).all()):
-        return False
-    for i in range(size):
-        x[i] += dx[i]
-        for j in range(size):
-            cov[i, j] = 0.5 * (posterior[i, j] + posterior[j, i])
-    final = z[:rows] - hr @ dx
+def factor(gram, variance, out):  # type: ignore[no-untyped-def]
+    """Cholesky factor (lower) of ``gram + diag(variance)`` into ``out``, all (R, R); False if it is not positive."""
+    rows = gram.shape[0]
     for i in range(rows):
-        residual[i] = final[i]
+        for j in range(i):
+            total = gram[i, j]
+            for k in range(j):
+                total -= out[i, k] * out[j, k]
+            out[i, j] = total / out[j, j]
+        total = gram[i, i] + variance[i]
+        for k in range(i):
+            total -= out[i, k] * out[i, k]
+        if not total > 0.0:
+            return False
+        out[i, i] = np.sqrt(total)
     return True
+
+
+@numba.njit(cache=True, nogil=True)
+def solve_factored(lower, z, y):  # type: ignore[no-untyped-def]
+    """y = (L L')^-1 z; all of length R."""
+    rows = lower.shape[0]
+    for i in range(rows):
+        total = z[i]
+        for k in range(i):
+            total -= lower[i, k] * y[k]
+        y[i] = total / lower[i, i]
+    for i in range(rows - 1, -1, -1):
+        y[i] /= lower[i, i]
+        for k in range(i):
+            y[k] -= lower[i, k] * y[i]
+
+
+@numba.njit(cache=True, nogil=True)
+def solve(cov, dx, h, z, w, rows, nu, passes, robust):  # type: ignore[no-untyped-def]
+    """Student-t weighted update of ``cov`` (N, N) and the step ``dx`` (N,) in place from ``rows`` measurements.
+
+    h: (R, N), z, w: (R,) relative to the state without the step, robust: (R,) uint8 1 where the weight falls with the
+    residual. Returns whether the numbers held; if not, cov and dx are spoilt.
+    """
+    size = cov.shape[0]
+    if rows > 0:
+        hr = h[:rows]
+        gain = hr @ cov
+        gram = gain @ hr.T
+        left = z[:rows] - hr @ dx
+        variance = np.empty(rows)
+        lower = np.empty((rows, rows))
+        y = np.empty(rows)
+        for turn in range(passes):
+            for i in range(rows):
+                v = 1.0 / w[i]
+                if robust[i]:
+                    # The residual of the pass before; the whole measurement before the first.
+                    residual = left[i] if turn == 0 else variance[i] * y[i]
+                    v *= (nu + residual * residual * w[i]) / (nu + 1.0)
+                variance[i] = v
+            if not factor(gram, variance, lower):
+                return False
+            solve_factored(lower, left, y)
+        for i in range(rows):
+            for j in range(size):
+                dx[j] += gain[i, j] * y[i]
+        # gain becomes L^-1 H C, row by row.
+        for i in range(rows):
+            for k in range(i):
+                share = lower[i, k]
+                for j in range(size):
+                    gain[i, j] -= share * gain[k, j]
+            share = 1.0 / lower[i, i]
+            for j in range(size):
+                gain[i, j] *= share
+        cov -= gain.T @ gain
+    sound = True
+    for i in range(size):
+        sound = sound and np.isfinite(dx[i]) and np.isfinite(cov[i, i]) and cov[i, i] > 0.0
+        for j in range(i):
+            mean = 0.5 * (cov[i, j] + cov[j, i])
+            cov[i, j] = mean
+            cov[j, i] = mean
+    return sound

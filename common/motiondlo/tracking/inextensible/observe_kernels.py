@@ -11,65 +11,65 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from motiondlo.events.bucket_kernels import COORDINATE_MASK, TIME_SHIFT, X_SHIFT, Y_MASK, Y_SHIFT, tiles_around
+
 BINS_PER_PX = 2
 EVENT_CAPACITY = 1500
+ENOUGH = 3.0
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def collect_station(  # type: ignore[no-untyped-def]
-    surface, t_us, px, py, theta, kappa, vn, vt, omega, window_ms, reach_px, half_px, latency_ms, enough, enough_ms,
+    rings, heads, columns, t_us, px, py, theta, kappa, vn, vt, omega, window_ms, reach_px, half_px, latency_ms,
     d_out, age_out, sign_out,
 ):  # fmt: skip
     """Collect the events of one station, moved to now. Returns their number (at most the outputs' length).
 
-    surface: (2, H, W) int64 us. reach_px: largest |d| after motion; half_px: half the station's length along t.
-    The station is scanned in every third line along the normal; the lines between only as long as fewer than ``enough``
-    events younger than ``enough_ms`` were found, so that the cost does not grow with the rate of events.
+    rings, heads, columns: the event buckets. reach_px: largest |d| after motion; half_px: half the station's length
+    along t after motion, so that an event belongs to one station only.
     d_out, age_out: (cap,) float32; sign_out: (cap,) uint8 row of the gradient sign.
     """
-    height, width = surface.shape[1], surface.shape[2]
     tx, ty = np.cos(theta), np.sin(theta)
     nx, ny = -ty, tx
-    travel = vn * (window_ms + latency_ms)
-    lo = -reach_px - max(travel, 0.0)
-    hi = reach_px - min(travel, 0.0)
-    shift = -0.5 * vt * window_ms
-    t_min = np.int64(t_us - window_ms * 1000.0)
+    oldest = window_ms + latency_ms
+    slack = abs(omega) * half_px * oldest + 0.5 * abs(kappa) * half_px * half_px
+    travel_n, travel_t = vn * oldest, vt * window_ms
+    lo_n = -reach_px - max(travel_n, 0.0) - slack
+    hi_n = reach_px - min(travel_n, 0.0) + slack
+    lo_t = -half_px - max(travel_t, 0.0)
+    hi_t = half_px - min(travel_t, 0.0)
+    r0, r1, c0, c1, cx, cy, far_t, far_n = tiles_around(px, py, tx, ty, lo_t, hi_t, lo_n, hi_n, heads, columns)
+    size = rings.shape[1]
+    mask = size - 1
+    floor = np.int64(t_us - window_ms * 1000.0 + 1.0) << TIME_SHIFT
     positive = vn >= 0.0
+    half_kappa = 0.5 * kappa
     capacity = d_out.shape[0]
     count = 0
-    young = 0
-    lines = int(2.0 * half_px + 0.5)
-    steps = int(hi - lo) + 1
-    half_kappa = 0.5 * kappa
-    for start in range(3):
-        for a in range(start, lines, 3):
-            along = shift - half_px + a + 0.5
-            fx = px + along * tx + 0.5 + lo * nx
-            fy = py + along * ty + 0.5 + lo * ny
-            for _ in range(steps):
-                x = int(fx)
-                y = int(fy)
-                fx += nx
-                fy += ny
-                if x < 0 or y < 0 or x >= width or y >= height:
+    for r in range(r0, r1 + 1):
+        for c in range(c0, c1 + 1):
+            ux = 16.0 * c + 7.5 - cx
+            uy = 16.0 * r + 7.5 - cy
+            if abs(ux * nx + uy * ny) > far_n or abs(ux * tx + uy * ty) > far_t:
+                continue
+            tile = r * columns + c
+            head = heads[tile]
+            for k in range(head - 1, max(head - size, 0) - 1, -1):
+                word = rings[tile, k & mask]
+                if word < floor:
+                    break
+                age = (t_us - (word >> TIME_SHIFT)) * 1e-3
+                rx = ((word >> X_SHIFT) & COORDINATE_MASK) - px
+                ry = ((word >> Y_SHIFT) & Y_MASK) - py
+                tau = rx * tx + ry * ty + vt * age
+                if abs(tau) > half_px:
                     continue
-                for p in range(2):
-                    ts = surface[p, y, x]
-                    if ts > t_min and count < capacity:
-                        age = (t_us - ts) * 1e-3
-                        rx, ry = x - px, y - py
-                        tau = rx * tx + ry * ty + vt * age
-                        e = rx * nx + ry * ny + (vn + omega * tau) * (age + latency_ms) - half_kappa * tau * tau
-                        if abs(e) <= reach_px:
-                            d_out[count] = e
-                            age_out[count] = age
-                            sign_out[count] = 1 if (p == 1) == positive else 0
-                            count += 1
-                            if age <= enough_ms:
-                                young += 1
-        if young >= enough:
-            break
+                e = rx * nx + ry * ny + (vn + omega * tau) * (age + latency_ms) - half_kappa * tau * tau
+                if abs(e) <= reach_px and count < capacity:
+                    d_out[count] = e
+                    age_out[count] = age
+                    sign_out[count] = 1 if ((word & 1) == 1) == positive else 0
+                    count += 1
     return count
 
 
@@ -106,7 +106,9 @@ def score_shifts(histogram, reversed_llr, reach_bins, flip, scores):  # type: ig
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def observe_stations(  # type: ignore[no-untyped-def]
-    surface,
+    rings,
+    heads,
+    columns,
     t_us,
     points,
     theta,
@@ -132,6 +134,7 @@ def observe_stations(  # type: ignore[no-untyped-def]
     count,
     quality,
     window_ms,
+    density,
 ):
     """Offset of every active station along its normal, by maximum likelihood over shifts of its profile.
 
@@ -158,15 +161,26 @@ def observe_stations(  # type: ignore[no-untyped-def]
         age[i] = 0.0
         count[i] = 0
         quality[i] = 0.0
+        last_ms = window_ms[i]
         window_ms[i] = window_max_ms[i]
         if not active[i]:
             continue
         reach_bins = int(band_px[i] * BINS_PER_PX)
         reach = 0.5 * (bins - 1) / BINS_PER_PX + band_px[i]
-        n = collect_station(
-            surface, t_us, points[i, 0], points[i, 1], theta[i], kappa[i], vn[i], vt[i], omega[i], window_max_ms[i],
-            reach, half_px, latency_ms, n_target, window_min_ms, d_buf, age_buf, sign_buf,
-        )  # fmt: skip
+        # As far back and as wide as the last look says; all of it where that was too little.
+        expected = density[i] * half_px * window_min_ms
+        half = half_px * min(max(ENOUGH * n_target / max(expected, 1.0), 1.0 / 3.0), 1.0)
+        longest = min(window_max_ms[i], max(1.25 * last_ms + 0.25, window_min_ms))
+        n = 0
+        for _ in range(2):
+            n = collect_station(
+                rings, heads, columns, t_us, points[i, 0], points[i, 1], theta[i], kappa[i], vn[i], vt[i], omega[i],
+                longest, reach, half, latency_ms, d_buf, age_buf, sign_buf,
+            )  # fmt: skip
+            if n >= n_target or (half == half_px and longest == window_max_ms[i]):
+                break
+            half = half_px
+            longest = window_max_ms[i]
         ages[:] = 0
         for k in range(n):
             ages[min(int(age_buf[k] * 4.0), 63)] += 1
@@ -188,6 +202,7 @@ def observe_stations(  # type: ignore[no-untyped-def]
                 age_sum += age_buf[k]
                 used += 1
         count[i] = used
+        density[i] = used / (half * w)
         if used < n_min:
             continue
         age[i] = age_sum / used
@@ -234,7 +249,9 @@ def observe_stations(  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def learn_profiles(  # type: ignore[no-untyped-def]
-    surface,
+    rings,
+    heads,
+    columns,
     t_us,
     points,
     theta,
@@ -271,8 +288,8 @@ def learn_profiles(  # type: ignore[no-untyped-def]
         if i % turns != turn or not good[i] or abs(vn[i]) < v_min:
             continue
         n = collect_station(
-            surface, t_us, points[i, 0], points[i, 1], theta[i], kappa[i], vn[i], vt[i], omega[i], window_ms[i],
-            reach, half_px, latency_ms, 4 * EVENT_CAPACITY, 0.0, d_buf, age_buf, sign_buf,
+            rings, heads, columns, t_us, points[i, 0], points[i, 1], theta[i], kappa[i], vn[i], vt[i], omega[i],
+            window_ms[i], reach, half_px, latency_ms, d_buf, age_buf, sign_buf,
         )  # fmt: skip
         if n < 25:
             continue

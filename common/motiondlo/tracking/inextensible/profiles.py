@@ -62,13 +62,14 @@ def _strip_gradient(
     strip = appearance.strip.astype(np.float64)
     rows, columns = strip.shape
     half = max(1, round(6.0 / appearance.ds_px))
-    padded = np.pad(strip, ((half, half), (0, 0)), mode="edge").cumsum(axis=0)
-    smooth = (padded[2 * half :] - np.concatenate([np.zeros((1, columns)), padded[: -2 * half - 1]])) / (2 * half + 1)
     row = np.clip(np.round((s_px - appearance.s0_px) / appearance.ds_px).astype(int), 0, rows - 1)
-    offsets = (np.arange(columns) - (columns - 1) / 2) * appearance.dn_px
+    near = strip[np.clip(row[:, None] + np.arange(-half, half + 1), 0, rows - 1)].mean(axis=1)
 
     def sampled(at: FloatArray) -> FloatArray:
-        return np.stack([np.interp(at, offsets, smooth[r]) for r in row])
+        u = np.clip(at / appearance.dn_px + (columns - 1) / 2, 0.0, columns - 1.0)
+        left = np.minimum(u.astype(int), columns - 2)
+        share = u - left
+        return np.asarray(near[:, left] * (1.0 - share) + near[:, left + 1] * share)
 
     gradient = (sampled(d + 0.5) - sampled(d - 0.5)) / 1.0
     rise = np.stack(

@@ -109,26 +109,6 @@ def end_row(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def bend_rows(rows, n, dt_ms, x, memory, bend_sigma, rate_sigma, h, z, w, robust):  # type: ignore[no-untyped-def]
-    """Second differences of the angle coefficients stay near the remembered ones, those of the rates near zero."""
-    size = h.shape[1]
-    for k in range(3, n - 1):
-        for part in range(2):
-            base = part * n + k
-            for j in range(size):
-                h[rows, j] = 0.0
-            h[rows, base - 1] = 1.0
-            h[rows, base] = -2.0
-            h[rows, base + 1] = 1.0
-            now = x[base - 1] - 2.0 * x[base] + x[base + 1]
-            z[rows] = (memory[k] if part == 0 else 0.0) - now
-            w[rows] = dt_ms / (bend_sigma if part == 0 else rate_sigma) ** 2
-            robust[rows] = 0
-            rows += 1
-    return rows
-
-
-@numba.njit(cache=True, nogil=True, fastmath=True)
 def remember_bend(n, x, share, alive, memory):  # type: ignore[no-untyped-def]
     """Let the remembered bend follow the estimate, where the DLO is seen: what is covered keeps the bend it had."""
     m = alive.shape[0]

@@ -102,5 +102,6 @@ def fit_pose(layout: Layout, nodes: FloatArray) -> FloatArray:
         place_curve(q, 1.0, layout.basis, layout.ds_px, layout.anchor, STRIDE, theta, points, jacobian)
         error = (targets - points)[::STRIDE].reshape(-1)
         system = np.vstack([jacobian.reshape(-1, n), penalty])
-        q = q + np.linalg.lstsq(system, np.concatenate([error, -penalty @ q]), rcond=None)[0]
+        residual = np.concatenate([error, -penalty @ q])
+        q = q + np.linalg.solve(system.T @ system, system.T @ residual)
     return q

@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 
-from motiondlo.events.surface import TimeSurface
+from motiondlo.events.buckets import EventBuckets
 from motiondlo.events.types import EventBatch, SensorGeometry
 from motiondlo.rejects import RejectReason
 from motiondlo.tracking.correction_gate import CorrectionGate
@@ -26,7 +26,7 @@ class InextensibleTracker:
         """timed: report the host time of each stage with every update."""
         self.params = params
         self.geometry = geometry
-        self._surface = TimeSurface(geometry)
+        self._surface = EventBuckets(geometry)
         self._dlos: dict[int, InextensibleDlo] = {}
         self._gate: CorrectionGate[PastState] = CorrectionGate()
         self._t_us = -1
@@ -95,7 +95,7 @@ class InextensibleTracker:
             surface_ns += clock() - before_ns
             for dlo in awake:
                 was_frozen = dlo.frozen
-                dlo.step(self._surface.last_us, edges_us[k + 1], (edges_us[k + 1] - edges_us[k]) * 1e-3)
+                dlo.step(self._surface, edges_us[k + 1], (edges_us[k + 1] - edges_us[k]) * 1e-3)
                 if not dlo.frozen or not was_frozen:
                     self._gate.history(dlo.id).record(edges_us[k + 1], dlo.past_state())
                     self._tiles_stale = True

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from motiondlo.events.buckets import EventBuckets
+from motiondlo.events.types import EVENT_DTYPE, SensorGeometry
 from motiondlo.tracking.inextensible.end_kernels import (
     collect_patch,
     collect_tip,
@@ -57,19 +59,32 @@ def test_other_events_do_not_fit_the_patch() -> None:
     assert out[3] < 0.1
 
 
+def buckets_with(*events: tuple[int, int, int, int]) -> tuple[np.ndarray, np.ndarray, int]:
+    """Events (t_us, x, y, polarity) in buckets of a 240x240 sensor."""
+    array = np.zeros(len(events), EVENT_DTYPE)
+    for name, values in zip(("t", "x", "y", "p"), zip(*events, strict=True), strict=True):
+        array[name] = values
+    buckets = EventBuckets(SensorGeometry(240, 240))
+    buckets.update(array)
+    return buckets.rings, buckets.heads, buckets.columns
+
+
 def test_patch_is_collected_in_its_own_frame_and_without_the_dlo() -> None:
-    surface = np.full((2, 200, 200), -(1 << 60), np.int64)
-    surface[1, 100, 70] = 9_000  # 30 px outward of (100, 100) along -x, 1 ms old
-    surface[0, 100, 115] = 9_500  # on the DLO: left out
-    surface[0, 120, 115] = 9_500  # beside it
-    buffers = [np.zeros(50, np.float32) for _ in range(3)]
-    n, age, window = collect_patch(
-        surface, 10_000, 100.0, 100.0, -1.0, 0.0, 2.0, 0.0, 0.0, 1.0, 4.0, 300, 0.0, A_MIN, 60.0, B_MAX, 12.0, *buffers
+    buckets = buckets_with(
+        (9_000, 70, 100, 1),  # 30 px outward of (100, 100) along -x, 1 ms old
+        (9_500, 115, 100, 0),  # on the DLO: left out
+        (9_500, 115, 120, 0),  # beside it
     )
-    found = sorted(zip(buffers[0][:n].tolist(), buffers[1][:n].tolist(), strict=True))
-    assert found == [pytest.approx((-16.0, -20.0)), pytest.approx((28.0, 0.0))]
-    assert age == pytest.approx(0.75)
-    assert window == 4.0
+    for likely_ms in (4.0, 0.6):
+        buffers = [np.zeros(50, np.float32) for _ in range(3)]
+        n, age, window = collect_patch(
+            *buckets, 10_000, 100.0, 100.0, -1.0, 0.0, 2.0, 0.0, 0.0, 1.0, 4.0, likely_ms, 300, 0.0, A_MIN, 60.0, B_MAX,
+            12.0, *buffers,
+        )  # fmt: skip
+        found = sorted(zip(buffers[0][:n].tolist(), buffers[1][:n].tolist(), strict=True))
+        assert found == [pytest.approx((-16.0, -20.0)), pytest.approx((28.0, 0.0))]
+        assert age == pytest.approx(0.75)
+        assert window == 4.0
 
 
 def test_window_is_as_short_as_the_events_allow() -> None:
@@ -99,11 +114,12 @@ def test_no_step_in_reach_is_no_tip() -> None:
 
 
 def test_tip_events_are_moved_with_the_tip() -> None:
-    surface = np.full((2, 100, 200), -(1 << 60), np.int64)
-    surface[0, 50, 90] = 8_000  # two ms ago, the tip has moved by 6 px since
-    surface[0, 80, 96] = 9_500  # too far across
+    buckets = buckets_with(
+        (8_000, 90, 50, 0),  # two ms ago, the tip has moved by 6 px since
+        (9_500, 96, 80, 0),  # too far across
+    )
     histogram = np.zeros(81)
-    n, age = collect_tip(surface, 10_000, 100.0, 50.0, 1.0, 0.0, 3.0, 0.0, 4.0, 0.0, 10.0, histogram)
+    n, age = collect_tip(*buckets, 10_000, 100.0, 50.0, 1.0, 0.0, 3.0, 0.0, 4.0, 0.0, 10.0, histogram)
     assert n == 1
     assert histogram[40 - 4] == 1.0
     assert age == pytest.approx(2.0)
@@ -111,27 +127,29 @@ def test_tip_events_are_moved_with_the_tip() -> None:
 
 @pytest.mark.parametrize("angle_rad", [0.0, 0.6, 1.57, -2.4])
 def test_no_event_of_a_turned_and_moving_end_is_left_out(angle_rad: float) -> None:
-    """Only a part of every row is looked at: it holds all that a search of the whole surface finds."""
+    """Only the tiles around it are looked at: they hold all that a search of the whole sensor finds."""
     rng = np.random.default_rng(4)
-    surface = rng.integers(-20_000, 10_000, (2, 240, 240))
+    t, p, y, x = np.sort(rng.integers(0, 10_000, 30_000)), *rng.integers(0, (2, 240, 240), (30_000, 3)).T
+    buckets = buckets_with(*zip(t, x, y, p, strict=True))
     ex, ey = np.cos(angle_rad), np.sin(angle_rad)
     (vx, vy), omega, ox, oy, latency = (2.0, -1.5), 0.01, 120.4, 118.7, 0.1
-    p, y, x = np.nonzero(surface > 6_000)
-    age = (10_000 - surface[p, y, x]) * 1e-3 + latency
+    y, x, t = y[t > 6_000], x[t > 6_000], t[t > 6_000]
+    age = (10_000 - t) * 1e-3 + latency
     rx, ry = x - ox, y - oy
     dx, dy = rx + (vx - omega * ry) * age, ry + (vy + omega * rx) * age
     a, b = ex * dx + ey * dy, -ey * dx + ex * dy
     within = (a >= A_MIN) & (a < 60.0) & (np.abs(b) < B_MAX) & ~((a < 0.0) & (np.abs(b) < 12.0))
     buffers = [np.zeros(8000, np.float32) for _ in range(3)]
     n, *_ = collect_patch(
-        surface, 10_000, ox, oy, ex, ey, vx, vy, omega, 1.0, 4.0, 10**6, latency, A_MIN, 60.0, B_MAX, 12.0, *buffers
-    )
+        *buckets, 10_000, ox, oy, ex, ey, vx, vy, omega, 1.0, 4.0, 4.0, 10**6, latency, A_MIN, 60.0, B_MAX, 12.0,
+        *buffers,
+    )  # fmt: skip
     assert n == within.sum()
     np.testing.assert_allclose(np.sort(buffers[0][:n]), np.sort(a[within]), atol=1e-4)
     dx, dy = rx + vx * age, ry + vy * age
     along, across = ex * dx + ey * dy, -ey * dx + ex * dy
     histogram = np.zeros(81)
-    n, _ = collect_tip(surface, 10_000, ox, oy, ex, ey, vx, vy, 4.0, latency, 10.0, histogram)
+    n, _ = collect_tip(*buckets, 10_000, ox, oy, ex, ey, vx, vy, 4.0, latency, 10.0, histogram)
     want = np.bincount(np.floor(along[(np.abs(across) <= 10.0) & (np.abs(along) < 60.0)] + 60.5).astype(int))
     np.testing.assert_array_equal(histogram, want[20:101])
     assert n == histogram.sum()

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from motiondlo.events.buckets import EventBuckets
+from motiondlo.events.types import EVENT_DTYPE, SensorGeometry
 from motiondlo.tracking.inextensible.observe_kernels import (
     bin_events,
     collect_station,
@@ -17,15 +19,16 @@ from motiondlo.tracking.inextensible.profiles import log_ratios, prior_profiles,
 
 PARAMS = InextensibleParams()
 RADIUS_PX = 8.0
-NEVER_US = -(1 << 60)
 
 
-def surface_of(scene, until_ms: int) -> np.ndarray:
-    surface = np.full((2, scene.geometry.height_px, scene.geometry.width_px), NEVER_US, np.int64)
+def buckets_of(scene, until_ms: int, exchanged: bool = False):
+    buckets = EventBuckets(scene.geometry)
     for k in range(until_ms):
         events = scene.batch(k).events
-        surface[events["p"], events["y"], events["x"]] = events["t"]
-    return surface
+        if exchanged:
+            events["p"] = 1 - events["p"]
+        buckets.update(events)
+    return buckets.rings, buckets.heads, buckets.columns
 
 
 def station_inputs(points: np.ndarray, vn: float):
@@ -37,14 +40,15 @@ def station_inputs(points: np.ndarray, vn: float):
     }  # fmt: skip
 
 
-def observe(surface, t_us: int, points: np.ndarray, vn: float, llr: np.ndarray, active=None):
+def observe(buckets, t_us: int, points: np.ndarray, vn: float, llr: np.ndarray, active=None, density=None, target=60):
     m = len(points)
     out = {name: np.zeros(m) for name in ("offset", "sigma", "age", "quality", "window")}
     count = np.zeros(m, np.int64)
     active = np.ones(m, np.uint8) if active is None else active
     observe_stations(
-        surface, t_us, *station_inputs(points, vn).values(), np.full(m, 4.0), np.full(m, 6.0), active, llr, 0.0, 6.0,
-        0.0, 1.0, 60, 8, 0.4, out["offset"], out["sigma"], out["age"], count, out["quality"], out["window"],
+        *buckets, t_us, *station_inputs(points, vn).values(), np.full(m, 4.0), np.full(m, 6.0), active, llr, 0.0, 6.0,
+        0.0, 1.0, target, 8, 0.4, out["offset"], out["sigma"], out["age"], count, out["quality"], out["window"],
+        np.zeros(m) if density is None else density,
     )  # fmt: skip
     return out, count
 
@@ -52,12 +56,12 @@ def observe(surface, t_us: int, points: np.ndarray, vn: float, llr: np.ndarray, 
 @pytest.mark.parametrize("error_px", [-2.0, 0.0, 1.5])
 def test_station_finds_the_bar_beside_the_prediction(bar_scene, sweep_path, error_px: float) -> None:
     scene = bar_scene(sweep_path((0.0, 1.5)))
-    surface = surface_of(scene, 20)
+    buckets = buckets_of(scene, 20)
     y_true = scene.path(20.0)[1]
     points = np.stack([np.array([150.0, 200.0, 250.0]), np.full(3, y_true - error_px)], axis=1)
     correction = scene.correction()
     profile = prior_profiles(np.array([70.0, 120.0, 170.0]), RADIUS_PX, correction.appearance, PARAMS)
-    out, count = observe(surface, 20_000, points, 1.5, log_ratios(profile, 0.5 / profile.shape[2]))
+    out, count = observe(buckets, 20_000, points, 1.5, log_ratios(profile, 0.5 / profile.shape[2]))
     assert (count > 20).all()
     np.testing.assert_allclose(out["offset"], error_px, atol=0.6)
     assert (out["quality"] > PARAMS.quality_min).all()
@@ -66,49 +70,60 @@ def test_station_finds_the_bar_beside_the_prediction(bar_scene, sweep_path, erro
 def test_events_of_the_wrong_sign_are_no_match(bar_scene, sweep_path) -> None:
     """The same edges with all polarities exchanged are not this DLO (a dark one, moving alike)."""
     scene = bar_scene(sweep_path((0.0, 1.5)))
-    surface = surface_of(scene, 20)[::-1].copy()
+    buckets = buckets_of(scene, 20, exchanged=True)
     points = np.array([[200.0, scene.path(20.0)[1]]])
     profile = prior_profiles(np.array([120.0]), RADIUS_PX, scene.correction().appearance, PARAMS)
-    out, _ = observe(surface, 20_000, points, 1.5, log_ratios(profile, 0.5 / profile.shape[2]))
+    out, _ = observe(buckets, 20_000, points, 1.5, log_ratios(profile, 0.5 / profile.shape[2]))
     assert out["sigma"][0] == 0.0 or out["quality"][0] < PARAMS.quality_min or abs(out["offset"][0]) > 3.0
 
 
 def test_inactive_and_silent_stations_say_nothing(bar_scene, sweep_path) -> None:
     scene = bar_scene(sweep_path((0.0, 1.5)))
-    surface = surface_of(scene, 20)
+    buckets = buckets_of(scene, 20)
     points = np.array([[200.0, scene.path(20.0)[1]], [200.0, 250.0]])
     profile = prior_profiles(np.array([120.0, 120.0]), RADIUS_PX, scene.correction().appearance, PARAMS)
-    out, count = observe(surface, 20_000, points, 1.5, log_ratios(profile, 0.1), np.array([0, 1], np.uint8))
+    out, count = observe(buckets, 20_000, points, 1.5, log_ratios(profile, 0.1), np.array([0, 1], np.uint8))
     assert (out["sigma"] == 0.0).all()
     assert (count == 0).all()
 
 
-def test_collected_events_equal_a_plain_search(bar_scene, sweep_path) -> None:
-    scene = bar_scene(sweep_path((0.0, 1.0)))
-    surface = surface_of(scene, 16)
-    y = scene.path(16.0)[1]
+@pytest.mark.parametrize("theta", [0.0, 0.7, -2.1])
+def test_collected_events_equal_a_plain_search(theta: float) -> None:
+    rng = np.random.default_rng(3)
+    events = np.zeros(12_000, EVENT_DTYPE)
+    events["t"] = np.sort(rng.integers(0, 16_000, len(events)))
+    events["x"], events["y"] = rng.integers(0, 320, len(events)), rng.integers(0, 240, len(events))
+    events["p"] = rng.integers(0, 2, len(events))
+    buckets = EventBuckets(SensorGeometry(320, 240))
+    buckets.update(events)
+    px, py, vn, vt, kappa, omega, latency = 160.3, 118.6, 2.0, -1.0, 2e-3, 0.01, 0.1
     d, age, sign = np.empty(4000, np.float32), np.empty(4000, np.float32), np.empty(4000, np.uint8)
     n = collect_station(
-        surface, 16_000, 200.5, y, 0.0, 0.0, 1.0, 0.0, 0.0, 3.0, 20.0, 6.0, 0.0, 10**6, 0.0, d, age, sign
-    )
-    p, rows, columns = np.nonzero(surface[:, :, 195:207] > 13_000)
-    ages = (16_000 - surface[p, rows, columns + 195]) * 1e-3
-    want = rows - y + ages
-    keep = np.abs(want) <= 20.0
-    assert n == keep.sum()
+        buckets.rings, buckets.heads, buckets.columns, 16_000, px, py, theta, kappa, vn, vt, omega, 3.0, 20.0, 12.0,
+        latency, d, age, sign,
+    )  # fmt: skip
+    recent = events[events["t"] > 13_000]
+    ages = (16_000 - recent["t"]) * 1e-3
+    rx, ry = recent["x"] - px, recent["y"] - py
+    tau = rx * np.cos(theta) + ry * np.sin(theta) + vt * ages
+    want = -rx * np.sin(theta) + ry * np.cos(theta) + (vn + omega * tau) * (ages + latency) - 0.5 * kappa * tau**2
+    keep = (np.abs(want) <= 20.0) & (np.abs(tau) <= 12.0)
+    assert n == keep.sum() > 20
     np.testing.assert_allclose(np.sort(d[:n]), np.sort(want[keep]), atol=1e-3)
     # moving towards +n, ON means that luminance falls along the normal: row 1
-    assert (sign[:n] == 1).sum() == (p[keep] == 1).sum()
+    assert (sign[:n] == 1).sum() == (recent["p"][keep] == 1).sum()
 
 
-def test_dense_events_are_not_all_read(bar_scene, sweep_path) -> None:
+def test_dense_events_are_looked_at_in_a_part_of_the_station_only(bar_scene, sweep_path) -> None:
     scene = bar_scene(sweep_path((0.0, 3.0)))
-    surface = surface_of(scene, 20)
-    args = (surface, 20_000, 200.5, scene.path(20.0)[1], 0.0, 0.0, 3.0, 0.0, 0.0, 4.0, 20.0, 6.0, 0.0)
-    d, age, sign = np.empty(4000, np.float32), np.empty(4000, np.float32), np.empty(4000, np.uint8)
-    everything = collect_station(*args, 10**6, 1.0, d, age, sign)
-    enough = collect_station(*args, 10, 1.0, d, age, sign)
-    assert enough < 0.5 * everything
+    buckets = buckets_of(scene, 20)
+    points = np.array([[200.0, scene.path(20.0)[1]]])
+    profile = prior_profiles(np.array([120.0]), RADIUS_PX, scene.correction().appearance, PARAMS)
+    llr = log_ratios(profile, 0.1)
+    first, many = observe(buckets, 20_000, points, 3.0, llr, density=np.zeros(1), target=10)
+    second, fewer = observe(buckets, 20_000, points, 3.0, llr, density=np.full(1, 100.0), target=10)
+    assert fewer[0] < 0.5 * many[0]
+    assert second["offset"][0] == pytest.approx(first["offset"][0], abs=0.5)
 
 
 @pytest.mark.parametrize("flip", [False, True])
@@ -133,7 +148,7 @@ def test_scores_equal_a_plain_sum(flip: bool) -> None:
 
 def test_profile_learns_an_edge_that_the_frame_did_not_show(bar_scene, sweep_path) -> None:
     scene = bar_scene(sweep_path((0.0, 1.5)))
-    surface = surface_of(scene, 20)
+    buckets = buckets_of(scene, 20)
     points = np.array([[200.0, scene.path(20.0)[1]]])
     prior = prior_profiles(np.array([120.0]), 5.0, None, PARAMS)
     profile, llr = prior.copy(), log_ratios(prior, 0.01)
@@ -142,7 +157,7 @@ def test_profile_learns_an_edge_that_the_frame_did_not_show(bar_scene, sweep_pat
     before = profile[0, :, 2 * 15 + 16].sum()
     for _ in range(40):
         learn_profiles(
-            surface, 20_000, *inputs.values(), np.full(1, 3.0), np.ones(1, np.uint8), 0, 1, 0.3, 6.0, 0.0, 0.1, 0.0,
+            *buckets, 20_000, *inputs.values(), np.full(1, 3.0), np.ones(1, np.uint8), 0, 1, 0.3, 6.0, 0.0, 0.1, 0.0,
             0.01, prior, profile, llr,
         )  # fmt: skip
     bins = profile.shape[2]
