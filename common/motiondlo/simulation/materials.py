@@ -9,7 +9,6 @@ import numpy as np
 
 from motiondlo.simulation.scene import CableKind
 
-
 Rgb = tuple[float, float, float]
 
 _LEAST_CONTRAST = 0.25
@@ -89,7 +88,7 @@ def draw_material(kind: CableKind, rgb: Rgb | None, board: Rgb, rng: np.random.G
 
 
 def _visible_colour(board: Rgb, rng: np.random.Generator) -> Rgb:
-    """The event camera sees brightness alone: the cable is brighter or darker than the board by a fifth at least."""
+    """The event camera sees brightness alone: the cable is brighter or darker than the board by a quarter at least."""
     seen = np.array([0.299, 0.587, 0.114])
     while True:
         colour = _draw_colour(rng)
