@@ -13,16 +13,22 @@ from motiondlo.errors import ConfigError
 
 Model = TypeVar("Model", bound=BaseModel)
 
+_MAX_BYTES = 4 << 20
+
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The file's tables. Raises ConfigError when it is missing or no TOML."""
     try:
-        data = path.read_bytes()
+        with path.open("rb") as file:
+            data = file.read(_MAX_BYTES + 1)
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror or error}.", "Give a configuration file that exists.") from error
+    if len(data) > _MAX_BYTES:
+        raise ConfigError(f"{path}: more than {_MAX_BYTES >> 20} MiB.", "Give the configuration of a cell.")
     try:
         return tomllib.loads(data.decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    # ValueError covers its own errors and what its conversions raise; nesting without end is a RecursionError.
+    except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: not valid TOML ({error}).", "Correct the file.") from error
 
 

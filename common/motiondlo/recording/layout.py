@@ -33,6 +33,9 @@ Image = npt.NDArray[np.uint8]
 
 HOMOGRAPHY_FILE = Path("homography") / "rgb_to_event_H.npy"
 
+_MAX_JSON_BYTES = 64 << 20
+_MAX_TIME_US = (1 << 62) - 1
+
 
 class ImageSize(BaseModel):
     """Width and height of an image, px."""
@@ -137,7 +140,12 @@ def _read_manifest(path: Path, rejects: dict[RejectReason, int]) -> tuple[FrameE
     manifest = _read_json_object(manifest_path)
     entries = []
     for name, t_us in manifest.items():
-        if not isinstance(t_us, int) or isinstance(t_us, bool) or t_us < 0 or Path(name).name != name:
+        if (
+            not isinstance(t_us, int)
+            or isinstance(t_us, bool)
+            or not 0 <= t_us <= _MAX_TIME_US
+            or Path(name).name != name
+        ):
             _count(rejects, RejectReason.FRAME_WITHOUT_TRIGGER, 1)
         elif name not in on_disk:
             _count(rejects, RejectReason.FRAME_MISSING, 1)
@@ -161,8 +169,12 @@ def _read_camera_info(path: Path) -> CameraInfo:
 
 def _read_json_object(path: Path) -> dict[str, Any]:
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        with path.open("rb") as file:
+            text = file.read(_MAX_JSON_BYTES + 1)
+        if len(text) > _MAX_JSON_BYTES:
+            raise ValueError(f"it has more than {_MAX_JSON_BYTES >> 20} MiB")
+        data = json.loads(text.decode("utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
         raise RecordingError(f"{path}: not readable as JSON ({error}).", "Correct the file or remove it.") from error
     if not isinstance(data, dict):
         raise RecordingError(f"{path}: holds no JSON object.", "Correct the file or remove it.")
