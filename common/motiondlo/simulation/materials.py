@@ -11,7 +11,7 @@ from motiondlo.simulation.scene import CableKind
 
 Rgb = tuple[float, float, float]
 
-_LEAST_CONTRAST = 0.25
+_LEAST_CONTRAST = 0.45
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def draw_material(kind: CableKind, rgb: Rgb | None, board: Rgb, rng: np.random.G
 
 
 def _visible_colour(board: Rgb, rng: np.random.Generator) -> Rgb:
-    """The event camera sees brightness alone: the cable is brighter or darker than the board by a quarter at least."""
+    """The event camera sees brightness alone: the cable is brighter or darker than the board by half at least."""
     seen = np.array([0.299, 0.587, 0.114])
     while True:
         colour = _draw_colour(rng)

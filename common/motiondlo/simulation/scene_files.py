@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 from motiondlo.config.loader import read_toml
@@ -9,9 +10,11 @@ from motiondlo.config.validation import validated
 from motiondlo.errors import ConfigError
 from motiondlo.simulation.scene import SceneParams
 
-_HERE = Path(__file__).resolve()
-# Beside the package in an installation, in config/ of a checkout.
-_FOLDERS = (_HERE.parent / "scenes", _HERE.parents[3] / "config" / "scenes")
+# In config/ of a checkout, among the environment's shared files in an installation.
+_FOLDERS = (
+    Path(__file__).resolve().parents[3] / "config" / "scenes",
+    Path(sys.prefix) / "share" / "motiondlo" / "scenes",
+)
 
 
 def bundled_scenes() -> dict[str, Path]:
