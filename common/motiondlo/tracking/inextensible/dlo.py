@@ -85,6 +85,7 @@ class InextensibleDlo(CurveFilter):
         self.silent_ms = 0.0
         self.quiet_ms = 0.0
         self.loose_ms = 0.0
+        self.unproved_px = 0.0
         self.background_per_ms = 0.0
         self.recent_speed = 0.0
         self.frozen = True
@@ -183,6 +184,10 @@ class InextensibleDlo(CurveFilter):
             self.loose_ms = 0.0
         elif not self.frozen:
             self.loose_ms += dt_ms
+        if any(math.isfinite(end.tip_shift_px) for end in self.ends):
+            self.unproved_px = 0.0
+        elif not self.frozen:
+            self.unproved_px += speed * dt_ms
         self._follow_held_ends(surface, t_us)
         self._follow_open_ends()
         for k, pose in enumerate(poses):
@@ -381,9 +386,13 @@ class InextensibleDlo(CurveFilter):
         )
 
     def _tangent_bias_px(self) -> float:
-        """What all nodes may be off along the DLO: it grows while the DLO moves and neither end is seen."""
+        """What all nodes may be off along the DLO: it grows while the DLO moves and neither end is seen.
+
+        What is seen of the holder alone is as good as the height that it is taken to have: a share of the way.
+        """
         p = self.params
-        return min(math.hypot(p.bias_tangent_px, p.slip_px_ms * self.loose_ms), 10.0 * p.bias_tangent_px)
+        slips = (p.bias_tangent_px, p.slip_px_ms * self.loose_ms, p.slip_share * self.unproved_px)
+        return min(math.hypot(*slips), 10.0 * p.bias_tangent_px)
 
     def confidence(self) -> float:
         """0..1: how much of what should be seen is seen, and how sure the curve is."""

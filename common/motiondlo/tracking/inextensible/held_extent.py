@@ -30,6 +30,7 @@ _AHEAD_PX = 6.0
 """Silhouettes beyond an end that the frame shows must go on this far before they are believed."""
 _UNCOVERED_PX = 12.0
 _NEW_LOOKS = 8
+_AGREEING = 4
 _LOOKED_FROM_PX = -24.0
 
 
@@ -73,8 +74,8 @@ class HeldExtent:
         self.presence: FloatArray = np.zeros((2, PLACES))
         self.looks: npt.NDArray[np.int64] = np.zeros(PLACES, np.int64)
         self._inner = int((BEYOND_PX + _LOOKED_FROM_PX) / STEP_PX)
-        self._first: tuple[float, float] | None = None
-        self._last_px = math.nan
+        self._first_jaws_px = math.nan
+        self._seen_px: list[float] = []
         self._jaws_px = 0.0
         self._looked = 0
         self._judged = 0
@@ -95,18 +96,18 @@ class HeldExtent:
         if not len(ends):
             return
         # Outward is positive from here on; jaws beside the DLO hide either silhouette early.
-        seen_px, before_px = -float(ends.max()), self._last_px
-        self._last_px = seen_px
-        if math.isnan(before_px):
+        self._seen_px.append(-float(ends.max()))
+        del self._seen_px[:-_AGREEING]
+        if len(self._seen_px) < 2:
             return
-        if self._first is None:
-            self._first = (self._jaws_px, seen_px)
+        if math.isnan(self._first_jaws_px):
+            self._first_jaws_px = self._jaws_px
         # What was seen once is there, though it may be covered up later.
-        sure_px = min(seen_px, before_px)
-        if sure_px > self.beyond_px + (_AHEAD_PX if self._clear else 0.0):
+        sure_px = min(self._seen_px)
+        if len(self._seen_px) == _AGREEING and sure_px > self.beyond_px + (_AHEAD_PX if self._clear else 0.0):
             self.beyond_px = min(sure_px + p.presence_margin_px, p.held_reach_px)
             return
         # Jaws that have moved away and uncovered nothing more: there it ends.
         furthest_px = -float(ends.min())
-        if self._jaws_px - self._first[0] > _UNCOVERED_PX and max(furthest_px, 0.0) < self.beyond_px:
+        if self._jaws_px - self._first_jaws_px > _UNCOVERED_PX and max(furthest_px, 0.0) < self.beyond_px:
             self.beyond_px = max(furthest_px, 0.0)

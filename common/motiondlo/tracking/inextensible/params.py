@@ -17,7 +17,7 @@ class InextensibleParams(BaseModel):
     max_coefficients: int = Field(48, ge=8, le=80, description="most spline coefficients of one DLO")
     held_reach_px: float = Field(40.0, ge=0.0, le=100.0, description="how far a held DLO goes on beyond its seen end")
     held_report_px: float = Field(
-        9.0, ge=0.0, le=100.0, description="how much of that is published until it is seen how far it goes"
+        7.0, ge=0.0, le=100.0, description="how much of that is published until it is seen how far it goes"
     )
     border_reach_px: float = Field(260.0, ge=0.0, le=2000.0, description="how far a DLO goes on beyond the image")
     hidden_reach_px: float = Field(60.0, ge=0.0, le=500.0, description="how far a DLO goes on under a cover")
@@ -130,4 +130,5 @@ class InextensibleParams(BaseModel):
     bias_px: float = Field(0.4, ge=0.0, le=5.0, description="standard deviation of what stations have in common")
     bias_tangent_px: float = Field(3.0, ge=0.0, le=20.0, description="the same along the DLO")
     slip_px_ms: float = Field(0.15, ge=0.0, le=5.0, description="growth of that while it moves and no end is seen")
+    slip_share: float = Field(0.03, ge=0.0, le=1.0, description="growth of it on the way, while no free tip is seen")
     visible_support: float = Field(0.35, ge=0.0, le=1.0, description="support above which a node counts as visible")

@@ -54,6 +54,13 @@ def test_what_is_seen_beyond_the_jaws_edge_in_the_frame_is_there() -> None:
     assert extent.beyond_px > 20.0, "covered up later, it is still there"
 
 
+def test_a_short_glimpse_is_not_believed() -> None:
+    extent = HeldExtent(False, PARAMS)
+    for seen_px in (22.0, 22.0, 22.0, 2.0, 22.0, 22.0):
+        looked(extent, (seen_px, seen_px), 0.0, times=1)
+    assert extent.beyond_px == PARAMS.held_report_px
+
+
 def test_one_silhouette_may_be_the_jaws_own_edge() -> None:
     extent = HeldExtent(False, PARAMS)
     looked(extent, (30.0, 2.0), 0.0)
