@@ -15,7 +15,8 @@ from motiondlo.tracking.inextensible.curve_filter import GAP_MS, CurveFilter
 from motiondlo.tracking.inextensible.end_rows import EndPose
 from motiondlo.tracking.inextensible.ends import EndTracker
 from motiondlo.tracking.inextensible.filter_kernels import END_A, STRETCH
-from motiondlo.tracking.inextensible.held_kernels import NOT_SEEN_PX, accumulate_presence, outermost_presence
+from motiondlo.tracking.inextensible.held_extent import HeldExtent, stands_clear
+from motiondlo.tracking.inextensible.held_kernels import accumulate_presence
 from motiondlo.tracking.inextensible.late import PastState, carried_innovation, oriented_like
 from motiondlo.tracking.inextensible.params import InextensibleParams
 from motiondlo.tracking.inextensible.profiles import log_ratios, prior_profiles, visible_at_start
@@ -59,6 +60,10 @@ class InextensibleDlo(CurveFilter):
         # ends
         places = (correction.nodes[0].astype(np.float64), correction.nodes[-1].astype(np.float64))
         self.ends = [EndTracker(k, correction.ends[k], length * k, params, self.radius_px, places[k]) for k in range(2)]
+        for end in self.ends:
+            if end.kind is EndKind.HELD:
+                clear = stands_clear(correction.appearance, end.index, length, self.radius_px)
+                end.extent = HeldExtent(clear, params)
         self.end_velocity: list[tuple[float, float] | None] = [None, None]
         self.end_poses = [EndPose(self.n) for _ in range(2)]
         self._edge = np.zeros(2)
@@ -81,6 +86,7 @@ class InextensibleDlo(CurveFilter):
         self.silent_ms = 0.0
         self.quiet_ms = 0.0
         self.loose_ms = 0.0
+        self.unproved_px = 0.0
         self.background_per_ms = 0.0
         self.recent_speed = 0.0
         self.frozen = True
@@ -110,9 +116,7 @@ class InextensibleDlo(CurveFilter):
         sign = -1.0 if index == 0 else 1.0
         if end.kind is EndKind.TIP:
             return float(end.s_px + self.x[2 * self.n + END_A + index])
-        if end.kind is EndKind.HELD and math.isfinite(end.visible_offset_px):
-            return end.s_px + end.visible_offset_px
-        reach = self.params.held_report_px if end.kind is EndKind.HELD else 0.0
+        reach = end.extent.beyond_px if end.kind is EndKind.HELD else 0.0
         if end.open:
             return float(self.known_s_px[index] + sign * self.params.station_px)
         return end.s_px + sign * reach
@@ -169,6 +173,10 @@ class InextensibleDlo(CurveFilter):
             self.loose_ms = 0.0
         elif not self.frozen:
             self.loose_ms += dt_ms
+        if any(math.isfinite(end.tip_shift_px) for end in self.ends):
+            self.unproved_px = 0.0
+        elif not self.frozen:
+            self.unproved_px += speed * dt_ms
         self._follow_held_ends(surface, t_us)
         self._follow_open_ends()
         for k, pose in enumerate(poses):
@@ -195,17 +203,14 @@ class InextensibleDlo(CurveFilter):
             if end.kind is not EndKind.HELD or self.frozen or self.seen < 0.4 * self.could:
                 continue
             inward = 1 if end.index == 0 else -1
+            extent = end.extent
             accumulate_presence(
                 surface, t_us, end.s_px, inward, self.layout.s_lo_px, self.layout.ds_px, STRIDE, self.points,
-                self.theta, self.vn, self.radius_px, self.profile, 6.0, p.latency_ms, p.presence_velocity,
-                p.presence_reach_px, p.presence_rate, end.presence, end.presence_looks,
+                self.theta, self.vn, self.radius_px, self.profile, p.presence_window_ms, p.latency_ms,
+                p.presence_velocity, p.presence_reach_px, p.presence_rate, extent.presence, extent.looks,
             )  # fmt: skip
-            if self._turn % 8 == 0 and end.presence_looks.min() >= p.presence_looks:
-                offset = float(outermost_presence(end.presence, p.presence_share))
-                if offset < NOT_SEEN_PX:
-                    # Jaws beside the DLO hide its silhouettes early, so that this only ever says that it goes on.
-                    beyond = max(p.held_report_px, p.presence_margin_px - offset)
-                    end.visible_offset_px = -inward * min(beyond, p.held_reach_px)
+            if self._turn % 8 == 0:
+                extent.judge(end.jaws_px(self.end_poses[end.index], self.x))
 
     def _follow_open_ends(self) -> None:
         """Let a DLO that came from beyond the image grow as it comes in, and find its end."""
@@ -358,9 +363,13 @@ class InextensibleDlo(CurveFilter):
         )
 
     def _tangent_bias_px(self) -> float:
-        """What all nodes may be off along the DLO: it grows while the DLO moves and neither end is seen."""
+        """What all nodes may be off along the DLO: it grows while the DLO moves and neither end is seen.
+
+        What is seen of the holder alone is as good as the height that it is taken to have: a share of the way.
+        """
         p = self.params
-        return min(math.hypot(p.bias_tangent_px, p.slip_px_ms * self.loose_ms), 10.0 * p.bias_tangent_px)
+        slips = (p.bias_tangent_px, p.slip_px_ms * self.loose_ms, p.slip_share * self.unproved_px)
+        return min(math.hypot(*slips), 10.0 * p.bias_tangent_px)
 
     def confidence(self) -> float:
         """0..1: how much of what should be seen is seen, and how sure the curve is."""

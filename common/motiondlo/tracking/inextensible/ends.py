@@ -20,11 +20,13 @@ from motiondlo.tracking.inextensible.end_kernels import (
 )
 from motiondlo.tracking.inextensible.end_rows import EndPose, Rows
 from motiondlo.tracking.inextensible.filter_kernels import END_A, RATIO_A
-from motiondlo.tracking.inextensible.held_kernels import PLACES
+from motiondlo.tracking.inextensible.held_extent import HeldExtent
 from motiondlo.tracking.inextensible.params import InextensibleParams
 
 _PATCH_CAPACITY = 8000
 _TIP_REACH_PX = 40
+_TIP_STEP_PX = 2.0
+"""Where the events of a tip end, beyond it."""
 _TIP_SEARCH_PX = 14
 _TIP_SEARCH_NEW_PX = 34
 
@@ -54,8 +56,6 @@ class EndTracker:
     """Events per ms in the patch at rest; -1 before the first look."""
     stirred: bool = False
     """The patch has clearly more events than at rest."""
-    visible_offset_px: float = float("nan")
-    """Material offset from ``s_px`` to which a held DLO is seen; not a number before it is known."""
     quiet_ms: float = 0.0
     shift_px: float = 0.0
     tip_shift_px: float = float("nan")
@@ -67,10 +67,9 @@ class EndTracker:
         self.template = np.full((rows, columns), 1.0 / (rows * columns), np.float32)
         self.log_template = np.zeros((rows, columns), np.float32)
         at = np.arange(-_TIP_REACH_PX, _TIP_REACH_PX + 1)
-        self.tip_profile = 0.03 + 0.97 / (1.0 + np.exp((at - 1.0) / 1.2))
+        self.tip_profile = 0.03 + 0.97 / (1.0 + np.exp((at - _TIP_STEP_PX) / 1.2))
         self._tip_start = self.tip_profile.copy()
-        self.presence = np.zeros((2, PLACES))
-        self.presence_looks = np.zeros(PLACES, np.int64)
+        self.extent = HeldExtent(False, p)
         self._histogram = np.zeros(2 * _TIP_REACH_PX + 1)
         self._a = np.empty(_PATCH_CAPACITY, np.float32)
         self._b = np.empty(_PATCH_CAPACITY, np.float32)
@@ -108,6 +107,11 @@ class EndTracker:
     def free(self) -> bool:
         """Whether this end is a tip that can be measured."""
         return self.kind is EndKind.TIP
+
+    def jaws_px(self, pose: EndPose, x: FloatArray) -> float:
+        """How far what holds the end has moved outward of it by its height, since the track started."""
+        lever = pose.place - self.reference
+        return float(x[len(x) - 5 + RATIO_A + self.index]) * float(lever @ pose.outward)
 
     def observe(
         self,

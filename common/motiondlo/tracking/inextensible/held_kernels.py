@@ -18,6 +18,8 @@ PLACES = int((BEYOND_PX + INWARD_PX) / STEP_PX) + 1
 NOT_SEEN_PX = 1e9
 _LEVEL_FROM_PX = 24.0
 _SIGNS_FROM_PX = 40.0
+_LEAST_LEVEL = 0.2
+_STEP_PLACES = 4
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
@@ -95,30 +97,34 @@ def accumulate_presence(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def outermost_presence(presence, share):  # type: ignore[no-untyped-def]
-    """Offset from the end, px (negative: outward), to which both silhouettes go on without a gap.
+def silhouette_ends(presence, share, out):  # type: ignore[no-untyped-def]
+    """out (2,): offset from the end, px (negative: outward), at which either silhouette ends; NOT_SEEN_PX for none.
 
-    Both must keep ``share`` of their level further inward, averaged over three places. NOT_SEEN_PX if there is none.
+    It goes on while it keeps ``share`` of its level further inward (over three places), and ends at the steepest fall
+    near the last such place.
     """
-    places = presence.shape[1]
     start = int((BEYOND_PX + _LEVEL_FROM_PX) / STEP_PX)
-    outermost = -BEYOND_PX
     for side in range(2):
-        level = 0.0
-        for k in range(start, places):
-            level += presence[side, k] / (places - start)
-        if level < 0.2:
-            return NOT_SEEN_PX
+        seen = presence[side]
+        out[side] = NOT_SEEN_PX
+        level = seen[start:].mean()
+        if level < _LEAST_LEVEL:
+            continue
         last = start
         gap = 0
         for k in range(start, 0, -1):
-            near = (presence[side, k - 1] + presence[side, k] + presence[side, k + 1]) / 3.0
-            if near >= share * level:
+            if (seen[k - 1] + seen[k] + seen[k + 1]) / 3.0 >= share * level:
                 last = k
                 gap = 0
             else:
                 gap += 1
-                if gap >= 3:
+                if gap >= 2:
                     break
-        outermost = max(outermost, last * STEP_PX - BEYOND_PX)
-    return outermost
+        end = last
+        steepest = 0.0
+        for k in range(max(last - 2, _STEP_PLACES), min(last + 4, start) + 1):
+            fall = seen[k : k + _STEP_PLACES].mean() - seen[k - _STEP_PLACES : k].mean()
+            if fall > steepest:
+                steepest = fall
+                end = k
+        out[side] = (end - 0.5) * STEP_PX - BEYOND_PX

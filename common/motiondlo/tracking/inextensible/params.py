@@ -16,7 +16,9 @@ class InextensibleParams(BaseModel):
     station_px: float = Field(24.0, ge=6.0, le=40.0, description="distance of the stations that are observed")
     max_coefficients: int = Field(48, ge=8, le=80, description="most spline coefficients of one DLO")
     held_reach_px: float = Field(40.0, ge=0.0, le=100.0, description="how far a held DLO goes on beyond its seen end")
-    held_report_px: float = Field(7.0, ge=0.0, le=100.0, description="how much of that is published")
+    held_report_px: float = Field(
+        7.0, ge=0.0, le=100.0, description="how much of that is published until it is seen how far it goes"
+    )
     border_reach_px: float = Field(260.0, ge=0.0, le=2000.0, description="how far a DLO goes on beyond the image")
     hidden_reach_px: float = Field(60.0, ge=0.0, le=500.0, description="how far a DLO goes on under a cover")
 
@@ -112,12 +114,13 @@ class InextensibleParams(BaseModel):
         0.5, ge=0.05, le=10.0, description="motion across from which silhouettes are judged"
     )
     presence_reach_px: float = Field(3.0, ge=0.5, le=10.0, description="reach of a silhouette")
-    presence_looks: int = Field(25, ge=1, le=10000, description="looks before it is believed how far a held DLO goes")
+    presence_looks: int = Field(15, ge=1, le=10000, description="looks before it is believed how far a held DLO goes")
     presence_margin_px: float = Field(
-        3.0, ge=0.0, le=20.0, description="how far it goes on beyond its last silhouettes"
+        2.0, ge=0.0, le=20.0, description="how far it goes on beyond its last silhouettes"
     )
-    presence_rate: float = Field(0.02, ge=0.0, le=1.0, description="learning of how far a held DLO is seen")
-    presence_share: float = Field(0.5, ge=0.05, le=1.0, description="share of a silhouette's events that is presence")
+    presence_window_ms: float = Field(20.0, ge=1.0, le=100.0, description="longest window in which they are judged")
+    presence_rate: float = Field(0.03, ge=0.0, le=1.0, description="learning of how far a held DLO is seen")
+    presence_share: float = Field(0.4, ge=0.05, le=1.0, description="share of a silhouette's events that is presence")
 
     # late corrections
     correction_fade_ms: float = Field(10.0, ge=0.1, le=10000.0, description="measured this long, an old error is gone")
@@ -127,4 +130,5 @@ class InextensibleParams(BaseModel):
     bias_px: float = Field(0.4, ge=0.0, le=5.0, description="standard deviation of what stations have in common")
     bias_tangent_px: float = Field(3.0, ge=0.0, le=20.0, description="the same along the DLO")
     slip_px_ms: float = Field(0.15, ge=0.0, le=5.0, description="growth of that while it moves and no end is seen")
+    slip_share: float = Field(0.03, ge=0.0, le=1.0, description="growth of it on the way, while no free tip is seen")
     visible_support: float = Field(0.35, ge=0.0, le=1.0, description="support above which a node counts as visible")

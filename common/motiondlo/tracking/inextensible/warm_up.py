@@ -6,7 +6,7 @@ import numpy as np
 
 from motiondlo.events.types import EVENT_DTYPE, EventBatch, SensorGeometry
 from motiondlo.frames.types import EndKind
-from motiondlo.tracking.inextensible.held_kernels import PLACES, outermost_presence
+from motiondlo.tracking.inextensible.held_kernels import PLACES, silhouette_ends
 from motiondlo.tracking.inextensible.params import InextensibleParams
 from motiondlo.tracking.types import Correction, CorrectionKind
 
@@ -32,4 +32,4 @@ def run_small_scene(params: InextensibleParams) -> None:
         tracker.update(EventBatch(k * 1000, k * 1000 + 1000, events))
     nodes = np.stack([np.linspace(90.0, 240.0, 20), np.full(20, 61.0)], axis=1)
     tracker.correct(Correction(9, 0, 5000, CorrectionKind.BLEND, nodes, np.full(20, 50.0), np.full(20, 50.0), 12.0))
-    outermost_presence(np.zeros((2, PLACES)), params.presence_share)
+    silhouette_ends(np.zeros((2, PLACES)), params.presence_share, np.zeros(2))

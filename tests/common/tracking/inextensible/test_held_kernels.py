@@ -11,11 +11,17 @@ from motiondlo.tracking.inextensible.held_kernels import (
     PLACES,
     STEP_PX,
     accumulate_presence,
-    outermost_presence,
+    silhouette_ends,
     silhouette_signs,
 )
 
 RADIUS_PX = 8.0
+
+
+def ends_of(presence):
+    out = np.zeros(2)
+    silhouette_ends(presence, 0.4, out)
+    return out
 
 
 def test_silhouettes_beyond_the_given_end_are_found(bar_scene, sweep_path) -> None:
@@ -37,7 +43,7 @@ def test_silhouettes_beyond_the_given_end_are_found(bar_scene, sweep_path) -> No
             profile, 6.0, 0.0, 0.5, 3.0, 0.05, presence, looks,
         )  # fmt: skip
     assert looks.min() == 27
-    assert outermost_presence(presence, 0.5) == pytest.approx(-20.0, abs=4.0)
+    assert ends_of(presence) == pytest.approx([-20.0, -20.0], abs=4.0)
 
 
 def test_signs_of_silhouettes_come_from_the_nearest_profile() -> None:
@@ -51,11 +57,18 @@ def test_signs_of_silhouettes_come_from_the_nearest_profile() -> None:
     assert silhouette_signs(profile, -5.0, RADIUS_PX) == silhouette_signs(profile, 0.0, RADIUS_PX)
 
 
-def test_both_silhouettes_must_go_on() -> None:
+def test_every_silhouette_ends_at_its_steepest_fall() -> None:
     at = np.arange(PLACES) * STEP_PX - BEYOND_PX
     presence = np.stack([np.where(at >= -30.0, 0.9, 0.0), np.where(at >= -6.0, 0.7, 0.1)])
-    assert outermost_presence(presence, 0.5) == pytest.approx(-6.0, abs=2.0)
+    assert ends_of(presence) == pytest.approx([-31.0, -7.0])
+
+
+def test_a_silhouette_does_not_go_on_behind_a_gap() -> None:
+    at = np.arange(PLACES) * STEP_PX - BEYOND_PX
+    presence = np.where((at >= -6.0) | (at < -20.0), 0.8, 0.05)
+    assert ends_of(np.stack([presence, presence])) == pytest.approx([-7.0, -7.0])
 
 
 def test_a_dlo_without_silhouettes_says_nothing() -> None:
-    assert outermost_presence(np.full((2, PLACES), 0.05), 0.5) == NOT_SEEN_PX
+    presence = np.stack([np.full(PLACES, 0.05), np.full(PLACES, 0.9)])
+    assert ends_of(presence)[0] == NOT_SEEN_PX
