@@ -54,9 +54,9 @@ def simulate_recording(
 
     Returns the statistics of ``scene.json``. Raises MotionDLOError when the folder exists or the scene cannot be made.
     """
-    folder = RecordingFolder(out)
     plan = make_plan(name, scene, seed)
     motion = simulate_motion(plan, lambda share: progress(_SHARE_OF_MOTION * share))
+    folder = RecordingFolder(out)
     views = build_views(plan, motion)
     rng = generator(name, seed, Purpose.FRAMES)
     duration_us = int(plan.duration_s * 1e6)
