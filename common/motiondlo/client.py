@@ -10,7 +10,7 @@ with StateSubscriber("tcp/127.0.0.1:7450", "cell1") as cell:
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from types import TracebackType
@@ -18,6 +18,7 @@ from typing import Self
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import JsonValue
 
 from motiondlo.bus.config import BusConfig
 from motiondlo.bus.session import open_bus
@@ -78,8 +79,12 @@ class StateSubscriber:
         same_host: bool = True,
         stale_ms: float = 100.0,
         open_timeout_s: float = 10.0,
+        tls: Mapping[str, JsonValue] | None = None,
     ) -> None:
-        """``same_host`` False: the cell runs on another machine, whose clock cannot be compared with this one's."""
+        """``same_host`` False: the cell runs on another machine, whose clock cannot be compared with this one's.
+
+        tls: certificates for a cell's gate, as :func:`motiondlo.security.tls.tls_settings` gives them.
+        """
         self._config = BusConfig(
             cell=cell,
             mode="client",
@@ -87,6 +92,7 @@ class StateSubscriber:
             same_host=same_host,
             shared_memory=False,
             open_timeout_s=open_timeout_s,
+            zenoh=dict(tls or {}),
         )
         self._name, self._stale_ms = name, stale_ms
         self._stack = ExitStack()

@@ -17,9 +17,11 @@ from motiondlo.bus.config import BusConfig
 from motiondlo.bus.errors import BusError, CommandError
 from motiondlo.bus.session import Bus, open_bus
 from motiondlo.bus.settings import zenoh_config
+from motiondlo.client import StateSubscriber
 from motiondlo.messages.command import VERBS, CommandRequest, Verb
 from motiondlo.messages.header import Stamp
 from motiondlo.security.folder import CertificateFolder
+from motiondlo.security.tls import tls_settings
 from motiondlo.topics import ALIVE, COMMAND, CORRECTION, HEALTH, STATE, TOPICS, all_keys
 
 pytestmark = pytest.mark.live
@@ -216,6 +218,14 @@ def test_only_the_gate_listens_beyond_loopback_and_only_with_tls(gate: Gate, cel
         run = Path(cell.section.socket_folder)
         assert stat.S_IMODE(run.stat().st_mode) == 0o700
         assert (run / "fusion.sock").is_socket()
+
+
+def test_the_client_comes_in_with_a_certificate(gate: Gate) -> None:
+    tls = tls_settings(gate.folder, "monitor", listens=False)
+    with StateSubscriber(gate.endpoint, CELL, same_host=False, tls=tls) as client:
+        assert client.next(timeout_s=5.0).mode == "MOTION"
+        assert client.last_value(timeout_s=5.0) is not None
+        assert not client.stale
 
 
 def visitors(bus: Bus) -> str:
