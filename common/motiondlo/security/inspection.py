@@ -19,6 +19,14 @@ from motiondlo.security.roles import role_of
 
 WARN_DAYS = 30
 _OTHERS = 0o077
+_NO_CERTIFICATE = (
+    ValueError,
+    TypeError,
+    UnsupportedAlgorithm,
+    x509.DuplicateExtension,
+    x509.InvalidVersion,
+    x509.UnsupportedGeneralNameType,
+)
 
 
 @dataclass(frozen=True)
@@ -52,9 +60,13 @@ def load_certificate(path: Path) -> x509.Certificate:
     """Raises MotionDLOError when the file holds none."""
     data = read_pem(path)
     try:
-        return x509.load_pem_x509_certificate(data)
-    except ValueError as error:
+        certificate = x509.load_pem_x509_certificate(data)
+        # Parts are parsed when they are first read: here, so that later nothing can go wrong.
+        _ = (certificate.extensions, common_name_of(certificate), hosts_of(certificate), certificate.public_key())
+        _ = (certificate.not_valid_before_utc, certificate.not_valid_after_utc, certificate.serial_number)
+    except _NO_CERTIFICATE as error:
         raise MotionDLOError(f"{path}: no certificate ({error}).", "Make it anew with motiondlo certs.") from error
+    return certificate
 
 
 def describe(path: Path) -> Certificate:

@@ -8,10 +8,12 @@ import stat
 from collections.abc import Callable
 from datetime import timedelta
 from pathlib import Path
+from ssl import DER_cert_to_PEM_cert
 
 import pytest
 from cryptography import x509
 from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.serialization import Encoding
 from cryptography.x509.oid import ExtendedKeyUsageOID
 from tests.common.security.conftest import NOW
 
@@ -119,6 +121,13 @@ def foreign(folder: CertificateFolder) -> None:
     folder.replace("monitor", other.read("monitor"))
 
 
+def damage_inside(folder: CertificateFolder) -> None:
+    """Still a certificate from outside; its extensions no longer parse."""
+    der = bytearray(load_certificate(folder.certificate("monitor")).public_bytes(Encoding.DER))
+    der[der.index(bytes.fromhex("0603551d0f")) + 8] += 1
+    folder.certificate("monitor").write_bytes(DER_cert_to_PEM_cert(bytes(der)).encode())
+
+
 DEFECTS: dict[str, tuple[Callable[[CertificateFolder], object], str, str]] = {
     "open key": (lambda f: f.key("monitor").chmod(0o640), "monitor", "open to others"),
     "open folder": (lambda f: f.path.chmod(0o755), "folder", "open to others"),
@@ -128,6 +137,7 @@ DEFECTS: dict[str, tuple[Callable[[CertificateFolder], object], str, str]] = {
     "another's key": (lambda f: shutil.copy(f.key("daemon"), f.key("monitor")), "monitor", "another one's"),
     "garbage key": (lambda f: f.key("monitor").write_bytes(b"\0" * 99), "monitor", "unreadable"),
     "garbage": (lambda f: f.certificate("monitor").write_text("no"), "monitor", "no certificate"),
+    "damaged inside": (damage_inside, "monitor", "no certificate"),
     "a giant": (lambda f: f.certificate("monitor").write_bytes(bytes(MAX_PEM_BYTES + 1)), "monitor", "too large"),
     "another's certificate": (lambda f: f.replace("monitor", f.read("gateway.plc")), "monitor", "belongs to"),
     "another's use": (lambda f: f.replace("monitor", f.read("daemon")), "monitor", "another use"),
