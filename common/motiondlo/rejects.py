@@ -27,6 +27,10 @@ class RejectReason(StrEnum):
     """The DLO was re-initialised after the time that the correction speaks of."""
     IMPLAUSIBLE = "implausible"
     """The shape is too far from what the tracker holds, given both uncertainties."""
+    OUTVOTED = "outvoted"
+    """The shape contradicts a track that the events support."""
+    UNCONFIRMED = "unconfirmed"
+    """A shape of no known DLO that was not seen often enough yet."""
     # events
     TIME_BACKWARDS = "time_backwards"
     OUT_OF_SENSOR = "out_of_sensor"

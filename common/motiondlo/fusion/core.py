@@ -11,12 +11,15 @@ import numpy as np
 import numpy.typing as npt
 
 from motiondlo.frames.types import Appearance, EndKind, Instance, Segmentation
-from motiondlo.fusion.association import associate, curve_distance, same_direction
+from motiondlo.fusion.association import Match, associate, curve_distance, same_direction
+from motiondlo.fusion.blending import blend_weight, blended
 from motiondlo.fusion.history import TrackHistory
-from motiondlo.fusion.mode import ModeMachine
+from motiondlo.fusion.judgement import Judge, Verdict
+from motiondlo.fusion.mode import ModeMachine, RestChange
 from motiondlo.fusion.params import FusionParams
 from motiondlo.fusion.requests import RequestPlanner
 from motiondlo.fusion.state import FrameRequest, FusedState, Mode, fused_dlo
+from motiondlo.rejects import RejectCounter, RejectReason
 from motiondlo.tracking.types import Correction, CorrectionKind, TrackState, TrackUpdate
 
 FloatArray = npt.NDArray[np.float64]
@@ -45,6 +48,7 @@ class FusionCore:
         self._params = params
         self._mode = ModeMachine(params)
         self._requests = RequestPlanner(params)
+        self._judge = Judge(params)
         self._history = TrackHistory(int(params.history_s * 1e6), int(params.history_step_ms * 1000))
         self._known: dict[int, _Known] = {}
         self._newborn: list[tuple[FloatArray, int]] = []
@@ -56,6 +60,7 @@ class FusionCore:
         self._now_us = -1
         self._waited_us = 0
         self.degraded_reason = ""
+        self.rejects = RejectCounter()
 
     # -- track updates ------------------------------------------------------------------------------------------------
 
@@ -63,9 +68,12 @@ class FusionCore:
         """Take the tracker's newest update; the state at its time."""
         self._now_us = update.t_us
         self._adopt(update)
-        rested = self._mode.advance(update.t_us, bool(update.tracks), any(track.moving for track in update.tracks))
+        change = self._mode.advance(update.t_us, update.tracks)
+        for track in update.tracks:
+            if track.moving and track.confidence >= self._params.overrule_confidence:
+                self._judge.confirmed_by_events(track.id)
         self._history.add(update.t_us, update.tracks)
-        self._plan(update, rested)
+        self._plan(update, change)
         mode = self._mode.scene
         self.degraded_reason = self._why_degraded(update)
         if self.degraded_reason and mode != Mode.BOOT:
@@ -92,16 +100,17 @@ class FusionCore:
             dlo_id, now_us, CorrectionKind.REINITIALISE, state.nodes, sigma, sigma, state.diameter_px, known
         )
 
-    def _plan(self, update: TrackUpdate, rested: bool) -> None:
+    def _plan(self, update: TrackUpdate, change: RestChange) -> None:
+        self._requests.stirred(change.stirred)
         if self._mode.scene == Mode.BOOT:
             if self._requests.idle:
                 self._requests.want("boot", update.t_us)
-        elif rested:
-            self._requests.want("came_to_rest", update.t_us)
+        elif change.rested:
+            self._requests.want("came_to_rest", update.t_us, change.rested)
         elif self._mode.scene == Mode.STATIC and self._requests.idle:
             last = self._last_segmented_us
             if last is None or update.t_us - last >= self._params.refresh_static_s * 1e6:
-                self._requests.want("refresh", update.t_us)
+                self._requests.want("refresh", update.t_us, frozenset(track.id for track in update.tracks))
 
     def _why_degraded(self, update: TrackUpdate) -> str:
         if self._requests.failures_in_a_row >= self._params.degraded_after_failures:
@@ -120,6 +129,16 @@ class FusionCore:
             self._requests.want("boot", -1)
         return self._requests.due(self._planning_us)
 
+    def awaits(self, request: FrameRequest) -> bool:
+        """Whether the answer to ``request`` is still waited for: it was not cancelled, answered or given up."""
+        sent = self._requests.under_way
+        return sent is not None and sent.number == request.number
+
+    @property
+    def cancelled(self) -> int:
+        """Requests that were cancelled because their DLOs moved again."""
+        return self._requests.cancelled
+
     @property
     def _planning_us(self) -> int:
         """Event time, or before there is one the time waited, as a time before all event times."""
@@ -132,52 +151,85 @@ class FusionCore:
 
     # -- segmentations ------------------------------------------------------------------------------------------------
 
-    def on_segmentation(self, seg: Segmentation, now_us: int) -> tuple[Correction, ...]:
-        """Take the segmentation of the frame of ``seg.t_us``, arriving at ``now_us``; corrections for the tracker."""
+    def on_segmentation(self, seg: Segmentation, now_us: int, number: int | None = None) -> tuple[Correction, ...]:
+        """Take the segmentation of the frame of ``seg.t_us``, arriving at ``now_us``; corrections for the tracker.
+
+        number: of the request that it answers; None: the one under way.
+        """
         usable = [i for i in seg.instances if i.nodes_event is not None and len(i.nodes_event) >= 2]
-        self._requests.arrived(not seg.failure and bool(usable), self._planning_us)
+        self._requests.arrived(not seg.failure and bool(usable), self._planning_us, number)
         if seg.failure or not usable:
             return ()
         self._last_segmented_us = max(seg.t_us, now_us)
         curves = [np.asarray(i.nodes_event, dtype=np.float64) for i in usable]
         tracks = self._history.at(seg.t_us)
         if tracks is None and self._known:
+            self.rejects.count(RejectReason.TOO_OLD, n=len(usable))
             return ()  # older than what is remembered: nothing to compare it with
         tracks = tracks or ()
         corrections: list[Correction] = []
         first = not self._known
-        matches = {m.instance: m for m in associate(curves, tracks, self._params.match_max_px)}
+        looks = {dlo_id: known.appearance for dlo_id, known in self._known.items()}
+        matches = {m.instance: m for m in associate(usable, curves, tracks, looks, self._params.match_max_px)}
+        contested = len(tracks) > len(matches)
         for k, (instance, curve) in enumerate(zip(usable, curves, strict=True)):
             match = matches.get(k)
             if match is not None:
-                corrections.append(self._matched(instance, curve, tracks[match.track], match.distance_px, seg.t_us))
-            elif instance.score >= self._params.birth_score and (first or self._is_confirmed(curve)):
+                correction = self._matched(instance, curve, match, tracks[match.track], seg.t_us, now_us)
+                if correction is not None:
+                    corrections.append(correction)
+            elif instance.score >= self._params.birth_score and (first or self._is_confirmed(curve, contested)):
                 corrections.append(self._born(instance, curve, seg.t_us))
+            else:
+                self.rejects.count(RejectReason.UNCONFIRMED)
         self._newborn = [(curve, self._seen_before(curve) + 1) for k, curve in enumerate(curves) if k not in matches]
         corrections += self._deaths({tracks[m.track].id for m in matches.values()}, tracks, now_us)
         return tuple(corrections)
 
     def _matched(
-        self, instance: Instance, curve: FloatArray, track: TrackState, distance_px: float, t_us: int
-    ) -> Correction:
+        self, instance: Instance, curve: FloatArray, match: Match, track: TrackState, t_us: int, now_us: int
+    ) -> Correction | None:
         known = self._known.setdefault(track.id, _Known())
         known.missed = 0
         forward = same_direction(curve, track.nodes)
-        if instance.appearance is not None and forward:
-            known.appearance, known.ends = instance.appearance, instance.ends
-        ends = instance.ends if forward else (instance.ends[1], instance.ends[0])
-        sigma = float(np.sqrt(np.median(track.cov_px2[:, 0] + track.cov_px2[:, 2])))
-        lost = distance_px > max(self._params.reinitialise_min_px, 3.0 * sigma) or track.confidence <= 0.0
         normal = np.hypot(instance.sigma_px, self._params.homography_sigma_px)
+        ends, appearance = instance.ends, instance.appearance
+        if not forward:
+            curve, normal, ends, appearance = curve[::-1].copy(), normal[::-1].copy(), (ends[1], ends[0]), None
+        if self._params.method == "blend":
+            return self._blended(instance, curve, track, t_us, now_us)
+        verdict = self._judge.judge(curve, normal, match.distance_px, track)
+        if verdict is Verdict.REFUSE:
+            self.rejects.count(RejectReason.OUTVOTED)
+            return None
+        if verdict is Verdict.ABSORB:
+            ends = self._judge.credible_ends(ends, curve, track)
+            if appearance is not None and ends == instance.ends:
+                known.appearance, known.ends = appearance, ends
         return self._correction(
             track.id,
             t_us,
-            CorrectionKind.REINITIALISE if lost else CorrectionKind.BLEND,
-            curve if forward else curve[::-1].copy(),
-            normal if forward else normal[::-1].copy(),
+            CorrectionKind.BLEND if verdict is Verdict.ABSORB else CorrectionKind.REINITIALISE,
+            curve,
+            normal,
             self._tangent_sigma(ends, len(curve)),
             instance.diameter_px,
-            _Known(appearance=instance.appearance if forward else None, ends=ends),
+            _Known(appearance=appearance, ends=ends),
+        )
+
+    def _blended(
+        self, instance: Instance, curve: FloatArray, then: TrackState, t_us: int, now_us: int
+    ) -> Correction | None:
+        known = self._known[then.id]
+        now = known.state
+        if now is None or len(now.nodes) != len(then.nodes):
+            return None
+        weight = blend_weight(instance.score, now.confidence, now_us - t_us, self._params.blend_memory_ms)
+        nodes = blended(curve, then, now, weight)
+        normal = np.full(len(nodes), self._params.homography_sigma_px)
+        tangent = self._tangent_sigma(known.ends, len(nodes))
+        return self._correction(
+            then.id, now_us, CorrectionKind.REINITIALISE, nodes, normal, tangent, now.diameter_px, known
         )
 
     def _seen_before(self, curve: FloatArray) -> int:
@@ -185,8 +237,10 @@ class FusionCore:
         near = [n for other, n in self._newborn if curve_distance(curve, other) <= self._params.match_max_px / 4]
         return max(near, default=0)
 
-    def _is_confirmed(self, curve: FloatArray) -> bool:
-        return self._seen_before(curve) + 1 >= self._params.birth_confirmations
+    def _is_confirmed(self, curve: FloatArray, contested: bool) -> bool:
+        """Seen often enough; while a known DLO is missing (``contested``) it may be that one, segmented wrongly."""
+        needed = self._params.birth_confirmations + (self._params.overrule_votes if contested else 0)
+        return self._seen_before(curve) + 1 >= needed
 
     def _born(self, instance: Instance, curve: FloatArray, t_us: int) -> Correction:
         dlo_id, self._next_id = self._next_id, self._next_id + 1

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import BaseModel, ConfigDict, Field
 
 
@@ -10,8 +12,15 @@ class FusionParams(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
+    method: Literal["bayes", "blend"] = Field(
+        default="bayes",
+        description="bayes: shapes are observations with covariance, gated and outvoted; blend: the paper's weighting",
+    )
+    blend_memory_ms: float = Field(
+        default=1000.0, ge=1.0, le=60000.0, description="blend: age at which a shape's weight has fallen to 1/e"
+    )
     static_after_ms: float = Field(
-        default=120.0, ge=1.0, le=5000.0, description="the scene is static when no DLO has moved for this long"
+        default=120.0, ge=1.0, le=5000.0, description="a DLO rests when it has not moved for this long"
     )
     refresh_static_s: float = Field(
         default=2.0, ge=0.1, le=3600.0, description="while static, ask for a new segmentation this often"
@@ -40,7 +49,28 @@ class FusionParams(BaseModel):
         default=12.0,
         gt=0.0,
         le=1000.0,
-        description="a matched track that is farther off than this and than its own uncertainty is started anew",
+        description="a shape farther than this from its track is no correction: one of both is wrong",
+    )
+    gate_sigma: float = Field(
+        default=4.0,
+        gt=0.0,
+        le=100.0,
+        description="a shape farther than this (Mahalanobis distance across the curve) from its track is refused",
+    )
+    overrule_confidence: float = Field(
+        default=0.4, ge=0.0, le=1.0, description="a shape that contradicts a track below this starts it anew at once"
+    )
+    overrule_votes: int = Field(
+        default=4,
+        ge=1,
+        le=1000,
+        description="shapes in a row that agree against a track that no events support meanwhile, to start it anew",
+    )
+    length_tolerance: float = Field(
+        default=0.05,
+        ge=0.0,
+        le=1.0,
+        description="a shape whose length differs by more than this share has no tips where the track has none",
     )
     lead_ms: float = Field(
         default=10.0,

@@ -64,6 +64,10 @@ class FrameRequest:
 
     reason: str
     after_us: int
+    ids: frozenset[int] = frozenset()
+    """The DLOs that it is for; empty: the whole scene."""
+    number: int = 0
+    """Counts up with every request sent; an answer names it."""
 
 
 def fused_dlo(track: TrackState) -> FusedDlo:

@@ -106,7 +106,7 @@ DEFAULT_COMPONENTS = (
     Component(
         "common errors",
         "what all stations have wrong alike is part of sigma",
-        {"bias_px": 0.0, "bias_tangent_px": 0.0, "slip_px_ms": 0.0},
+        {"bias_px": 0.0, "bias_end_px": 0.0, "bias_tangent_px": 0.0, "slip_px_ms": 0.0},
     ),
 )
 

@@ -37,6 +37,7 @@ class FrameBranch:
 class _Underway:
     segmentation: Segmentation
     due_us: int
+    number: int | None
 
 
 class HybridLoop:
@@ -74,8 +75,8 @@ class HybridLoop:
     def deliver(self, now_us: int) -> None:
         """Hand fusion the segmentation that has arrived by ``now_us``, and its corrections to the tracker."""
         if self._underway is not None and self._underway.due_us <= now_us:
-            arrived, self._underway = self._underway.segmentation, None
-            self._take(arrived, now_us)
+            arrived, self._underway = self._underway, None
+            self._take(arrived.segmentation, now_us, arrived.number)
 
     def track(self, batch: EventBatch) -> TrackUpdate:
         """Advance the tracker to the batch's end."""
@@ -97,14 +98,16 @@ class HybridLoop:
             request = FrameRequest("always", after_us) if self._underway is None else None
         if request is not None:
             self._wanted = request
+        elif self._wanted is not None and not self._branch.ask_always and not self._fusion.awaits(self._wanted):
+            self._wanted = None  # cancelled before there was a frame for it
         if self._wanted is None or self._underway is not None:
             return  # the segmenter does one frame at a time
         k = bisect_right(self._frame_times_us, now_us) - 1
         if k < 0 or self._frame_times_us[k] < self._wanted.after_us:
             return
-        self._wanted = None
+        number, self._wanted = self._wanted.number or None, None
         entry = self._branch.frames[k]
-        self._underway = _Underway(self._segmented(entry), now_us + self._branch.latency_us)
+        self._underway = _Underway(self._segmented(entry), now_us + self._branch.latency_us, number)
 
     def _segmented(self, entry: FrameEntry) -> Segmentation:
         assert self._branch is not None
@@ -115,8 +118,8 @@ class HybridLoop:
             self.failures.append(f"{entry.name}: {segmentation.failure}")
         return segmentation
 
-    def _take(self, segmentation: Segmentation, now_us: int) -> None:
-        self._correct(self._fusion.on_segmentation(segmentation, now_us))
+    def _take(self, segmentation: Segmentation, now_us: int, number: int | None = None) -> None:
+        self._correct(self._fusion.on_segmentation(segmentation, now_us, number))
 
     def _correct(self, corrections: tuple[Correction, ...]) -> None:
         for correction in corrections:

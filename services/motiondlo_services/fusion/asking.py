@@ -19,9 +19,12 @@ class FrameAsker:
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="ask")
         self._answer: Future[str] | None = None
         self.last_error = ""
+        self.number = 0
+        """Of the last request."""
 
     def ask(self, request: FrameRequest, request_id: str) -> None:
         """Ask frame-capture for a frame; it hands it to the segmenter."""
+        self.number = request.number
         self._answer = self._pool.submit(self._ask, request, request_id)
 
     @property

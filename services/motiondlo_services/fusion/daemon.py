@@ -15,10 +15,12 @@ from motiondlo.topics import CORRECTION, SEGMENTATION, STATE, TRACK
 from motiondlo.tracking.types import Correction
 from motiondlo_services.fusion.asking import FrameAsker
 from motiondlo_services.fusion.config import FusionConfig
-from motiondlo_services.fusion.publication import SegmentationHold, state_message
+from motiondlo_services.fusion.publication import Asked, SegmentationHold, state_message
 from motiondlo_services.runtime.shell import Shell, run_daemon
 
 WAIT_S = 0.05
+MOST_ASKED = 4
+"""Requests whose answers are taken: the newest, and those before it that were cancelled."""
 
 
 def serve(shell: Shell, bus: Bus) -> None:
@@ -35,7 +37,7 @@ def serve(shell: Shell, bus: Bus) -> None:
     states = bus.publisher(STATE)
     corrections = bus.publisher(CORRECTION)
     asker = FrameAsker(bus)
-    asked_us: dict[str, int] = {}
+    asked: dict[str, Asked] = {}
     now_us, degraded, started_ns = -1, "", time.monotonic_ns()
     shell.ready()
 
@@ -53,22 +55,28 @@ def serve(shell: Shell, bus: Bus) -> None:
             on_track(track)
             now_us = shell.t_us = track.t_us
         for segmentation in segmentations.drain():
-            if segmentation.request_id in asked_us:
-                hold.put(segmentation.to_segmentation(), asked_us.pop(segmentation.request_id))
+            if segmentation.request_id in asked:
+                hold.put(segmentation.to_segmentation(), asked.pop(segmentation.request_id))
                 shell.counts["segmentations"] += 1
             else:
                 shell.counts["segmentations_of_others"] += 1
-        for due in hold.due(now_us):
+        for due, number in hold.due(now_us):
             shell.counts["failed_segmentations"] += int(bool(due.failure))
-            _send(corrections, core.on_segmentation(due, now_us), shell)
+            _send(corrections, core.on_segmentation(due, now_us, number), shell)
         if asker.failed():
-            core.on_segmentation(Segmentation(now_us, "", failure=f"not taken: {asker.last_error}"), now_us)
+            not_taken = Segmentation(now_us, "", failure=f"not taken: {asker.last_error}")
+            core.on_segmentation(not_taken, now_us, asker.number)
         request = core.frame_request((time.monotonic_ns() - started_ns) // 1000)
         if request is not None:
             request_id = f"fusion-{shell.counts['requests']}"
-            asked_us = {request_id: now_us if request.after_us >= 0 else -1}
+            # A cancelled request's answer may still come, and is as good as any.
+            asked = dict(list(asked.items())[-(MOST_ASKED - 1) :])
+            asked[request_id] = Asked(request.number, now_us if request.after_us >= 0 else -1)
             asker.ask(request, request_id)
             shell.counts["requests"] += 1
+        shell.counts["cancelled_requests"] = core.cancelled
+        for reason, count in core.rejects.as_dict().items():
+            shell.counts[f"refused_{reason}"] = count
         changed, degraded = degraded != core.degraded_reason, core.degraded_reason
         shell.problems = (degraded,) if degraded else ()
         shell.tick({}, {}, now=changed)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -56,6 +57,16 @@ def _single(array: npt.NDArray[np.float64]) -> Float32Array:
     return np.ascontiguousarray(array, dtype=np.float32)
 
 
+@dataclass(frozen=True)
+class Asked:
+    """What is remembered of a request."""
+
+    number: int
+    """Fusion's own number of it."""
+    t_us: int
+    """Event time at which it was made, -1 for the first frame's."""
+
+
 class SegmentationHold:
     """Keeps segmentations until event time has come to where a segmenter of the given latency would deliver them.
 
@@ -65,18 +76,19 @@ class SegmentationHold:
 
     def __init__(self, latency_us: int) -> None:
         self._latency_us = latency_us
-        self._held: deque[tuple[int, Segmentation]] = deque()
+        self._held: deque[tuple[int, int, Segmentation]] = deque()
 
-    def put(self, segmentation: Segmentation, asked_us: int) -> None:
-        """``asked_us``: event time of the request that this one answers, -1 for the first frame's."""
+    def put(self, segmentation: Segmentation, asked: Asked) -> None:
+        """``asked``: the request that this one answers."""
         due_us = -1
-        if asked_us >= 0 and self._latency_us:
-            due_us = max(asked_us, segmentation.t_us) + self._latency_us
-        self._held.append((due_us, segmentation))
+        if asked.t_us >= 0 and self._latency_us:
+            due_us = max(asked.t_us, segmentation.t_us) + self._latency_us
+        self._held.append((due_us, asked.number, segmentation))
 
-    def due(self, now_us: int) -> list[Segmentation]:
-        """Those whose time has come."""
+    def due(self, now_us: int) -> list[tuple[Segmentation, int]]:
+        """Those whose time has come, with the numbers of their requests."""
         released = []
         while self._held and self._held[0][0] <= now_us:
-            released.append(self._held.popleft()[1])
+            _, number, segmentation = self._held.popleft()
+            released.append((segmentation, number))
         return released

@@ -50,7 +50,10 @@ class FakeFusion:
     def frame_request(self):
         return self.requests.pop(self.now_us, None)
 
-    def on_segmentation(self, segmentation, now_us):
+    def awaits(self, request):
+        return True
+
+    def on_segmentation(self, segmentation, now_us, number=None):
         self.arrived.append((segmentation.t_us, now_us))
         return (_correction(len(self.arrived), segmentation.t_us),)
 

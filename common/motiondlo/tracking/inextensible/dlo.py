@@ -343,7 +343,7 @@ class InextensibleDlo(CurveFilter):
         fastest = publish_nodes(
             self.end_s_px(0), self.end_s_px(1), self.layout.s_lo_px, self.layout.ds_px, STRIDE, self.points, self.theta,
             self.jacobian, self.cov, self.x, self.support, p.visible_support, p.bias_px,
-            self._tangent_bias_px(), self.geometry.width_px,
+            p.bias_end_px, p.bias_end_reach_px, self._tangent_bias_px(), self.geometry.width_px,
             self.geometry.height_px, nodes, velocity, cov, visible,
         )  # fmt: skip
         moving = bool(fastest > 100.0) and not self.frozen

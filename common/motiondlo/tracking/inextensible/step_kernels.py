@@ -127,11 +127,12 @@ def place_end(  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def publish_nodes(  # type: ignore[no-untyped-def]
     lo_px, hi_px, s_lo_px, ds_px, stride, points, theta, jacobian, cov, x, support, visible_support, bias_px,
-    bias_tangent_px, width, height, nodes, velocity, covariance, visible,
+    bias_end_px, bias_end_reach_px, bias_tangent_px, width, height, nodes, velocity, covariance, visible,
 ):  # fmt: skip
     """Equidistant nodes from ``lo_px`` to ``hi_px`` with rates (px/s), covariance (xx, xy, yy) and visibility.
 
-    bias_px, bias_tangent_px: what all nodes may have in common, normal and along.
+    bias_px, bias_tangent_px: what all nodes may have in common, normal and along; bias_end_px: what the curve may be off
+    across at its ends, where nothing beyond holds it, fading over bias_end_reach_px inwards.
     nodes, velocity: (M, 2), covariance: (M, 3), visible: (M,) uint8. Returns the largest speed in px/s.
     """
     count = nodes.shape[0]
@@ -177,10 +178,12 @@ def publish_nodes(  # type: ignore[no-untyped-def]
         g = min(max(f, 0.0), 1.0)
         angle = theta[i] + g * (theta[i + 1] - theta[i])
         tx, ty = np.cos(angle), np.sin(angle)
-        along = bias_tangent_px**2 - bias_px**2
-        covariance[q, 0] += bias_px**2 + along * tx * tx
+        inward = min(s - lo_px, hi_px - s)
+        across = bias_px**2 + (bias_end_px * np.exp(-inward / bias_end_reach_px)) ** 2
+        along = bias_tangent_px**2 - across
+        covariance[q, 0] += across + along * tx * tx
         covariance[q, 1] += along * tx * ty
-        covariance[q, 2] += bias_px**2 + along * ty * ty
+        covariance[q, 2] += across + along * ty * ty
         seen = (1.0 - b) * support[a] + b * support[a + 1] > visible_support
         inside = 0.0 <= nodes[q, 0] < width and 0.0 <= nodes[q, 1] < height
         visible[q] = 1 if seen and inside else 0
