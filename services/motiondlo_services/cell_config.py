@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from pydantic import BaseModel
@@ -74,7 +75,12 @@ def bus_section(path: Path) -> BusSection:
 def wanted_processes(path: Path) -> tuple[Process, ...]:
     """The rows of the daemons that this cell runs: all but those whose section says ``enabled = false``.
 
-    Raises ConfigError.
+    With ``[cell] standby = false`` none of them stands by. Raises ConfigError.
     """
     sections = {row.name: load_section(path, row.section, SECTIONS[row.section]) for row in PROCESSES}
-    return tuple(row for row in PROCESSES if getattr(sections[row.name], "enabled", True))
+    standby = load_section(path, "cell", CellSection).standby
+    return tuple(
+        replace(row, standby=row.standby and standby)
+        for row in PROCESSES
+        if getattr(sections[row.name], "enabled", True)
+    )

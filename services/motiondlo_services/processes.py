@@ -44,6 +44,8 @@ class Process:
     """The part of the paper that it carries out."""
     in_mesh: bool = True
     """It listens within the cell, and its peers connect to it."""
+    standby: bool = False
+    """A second process of it waits, loaded and warm, and takes over within milliseconds when the first one ends."""
 
 
 PROCESSES: tuple[Process, ...] = (
@@ -60,6 +62,7 @@ PROCESSES: tuple[Process, ...] = (
         watchdog_s=5,
         section="event_ingest",
         paper="Event Branch: batches; Time synchronization",
+        standby=True,
     ),
     Process(
         name="event-tracker",
@@ -74,6 +77,7 @@ PROCESSES: tuple[Process, ...] = (
         watchdog_s=5,
         section="event_tracker",
         paper="Event Branch; CPD Tracker",
+        standby=True,
     ),
     Process(
         name="fusion",
@@ -88,6 +92,7 @@ PROCESSES: tuple[Process, ...] = (
         watchdog_s=5,
         section="fusion",
         paper="Fusion Mechanism; Hibernation and Re-initialization",
+        standby=True,
     ),
     Process(
         name="frame-capture",

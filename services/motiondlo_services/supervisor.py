@@ -21,7 +21,9 @@ _STOP_TIMEOUT_S = 5.0
 _BACKOFF_FIRST_S = 0.2
 _BACKOFF_MAX_S = 5.0
 _STEADY_AFTER_S = 10.0
-"""A daemon that ran this long starts again without delay."""
+"""A daemon that ran this long starts again with the shortest pause."""
+_STANDBY_AFTER_S = 1.0
+"""A process that stands by is started so long after the one that works."""
 
 
 @dataclass
@@ -30,6 +32,10 @@ class Child:
 
     row: Process
     popen: subprocess.Popen[bytes] | None = None
+    """The process that works."""
+    standby: subprocess.Popen[bytes] | None = None
+    """The one that takes over when it ends (see :mod:`motiondlo_services.runtime.standby`)."""
+    standby_at_s: float = 0.0
     started_s: float = 0.0
     start_at_s: float = 0.0
     failures_in_a_row: int = 0
@@ -63,15 +69,24 @@ class Supervisor:
             if child.popen is None:
                 if now_s >= child.start_at_s:
                     child.popen = self.spawn(child.row, self.config)
-                    child.started_s = now_s
+                    child.started_s, child.standby_at_s = now_s, now_s + _STANDBY_AFTER_S
                 continue
             code = child.popen.poll()
             if code is None:
+                self._keep_standby(child, now_s)
                 continue
             child.popen = None
             if code == 0:
                 child.finished = True
+                if child.standby is not None:
+                    child.standby.terminate()
                 lines.append(f"{child.row.name} has finished")
+                continue
+            if child.standby is not None and child.standby.poll() is None:
+                child.popen, child.standby = child.standby, None
+                child.started_s, child.standby_at_s = now_s, now_s + _STANDBY_AFTER_S
+                child.restarts += 1
+                lines.append(f"{child.row.name} ended with {describe_exit(code)}; the one that stood by takes over")
                 continue
             if now_s - child.started_s >= _STEADY_AFTER_S:
                 child.failures_in_a_row = 0
@@ -82,9 +97,17 @@ class Supervisor:
             lines.append(f"{child.row.name} ended with {describe_exit(code)}; starting it again in {pause_s:.1f} s")
         return lines
 
+    def _keep_standby(self, child: Child, now_s: float) -> None:
+        if child.standby is not None and child.standby.poll() is not None:
+            child.standby, child.standby_at_s = None, now_s + _BACKOFF_MAX_S
+        if child.row.standby and child.standby is None and now_s >= child.standby_at_s:
+            child.standby = self.spawn(child.row, self.config)
+
     def stop(self) -> list[str]:
         """SIGTERM to all, SIGKILL to those that do not listen; waits for each. Returns the names that were killed."""
-        running = [(c, c.popen) for c in self.children.values() if c.popen is not None]
+        # Those that stand by first: they must not take over from the ones that end.
+        running = [(c, c.standby) for c in self.children.values() if c.standby is not None]
+        running += [(c, c.popen) for c in self.children.values() if c.popen is not None]
         for _, popen in running:
             popen.terminate()
         deadline_s = time.monotonic() + _STOP_TIMEOUT_S
@@ -96,7 +119,7 @@ class Supervisor:
                 popen.kill()
                 popen.wait()
                 killed.append(child.row.name)
-            child.popen = None
+            child.popen = child.standby = None
         return killed
 
 

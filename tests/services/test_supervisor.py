@@ -44,12 +44,49 @@ class Spawner:
         return popen
 
 
-def test_every_daemon_is_started_once() -> None:
+def test_every_daemon_is_started_once_and_those_of_the_event_path_once_more_to_stand_by() -> None:
     spawner = Spawner()
     supervisor = Supervisor(Path("cell.toml"), PROCESSES, spawner)
-    for now_s in (0.0, 1.0, 2.0):
-        assert supervisor.step(now_s) == []
+    assert supervisor.step(0.0) == []
     assert sorted(name for name, _ in spawner.started) == sorted(row.name for row in PROCESSES)
+    for now_s in (1.0, 2.0, 3.0):
+        assert supervisor.step(now_s) == []
+    again = sorted(name for name, _ in spawner.started[len(PROCESSES) :])
+    assert again == ["event-ingest", "event-tracker", "fusion"]
+
+
+def test_KILLED_daemon_is_followed_by_the_one_that_stood_by() -> None:
+    spawner = Spawner()
+    supervisor = Supervisor(Path("cell.toml"), (process("fusion"),), spawner)
+    for now_s in (0.0, 1.0):
+        supervisor.step(now_s)
+    child = supervisor.children["fusion"]
+    first, second = (popen for _, popen in spawner.started)
+    assert (child.popen, child.standby) == (first, second)
+    first.returncode = -signal.SIGKILL
+    assert supervisor.step(2.0) == ["fusion ended with signal SIGKILL; the one that stood by takes over"]
+    assert (child.popen, child.standby, child.restarts) == (second, None, 1)
+    supervisor.step(2.5)
+    assert len(spawner.started) == 2, "the next one loads when the daemon has settled"
+    supervisor.step(3.0)
+    assert child.standby is spawner.started[2][1]
+
+
+def test_KILLED_stand_by_is_replaced_and_a_finished_daemon_needs_none() -> None:
+    spawner = Spawner()
+    supervisor = Supervisor(Path("cell.toml"), (process("event-ingest"),), spawner)
+    for now_s in (0.0, 1.0):
+        supervisor.step(now_s)
+    spawner.started[1][1].returncode = -signal.SIGKILL
+    now_s = 2.0
+    while len(spawner.started) < 3:
+        assert supervisor.step(now_s) == []
+        now_s += 0.5
+        assert now_s < 10.0
+    spawner.started[0][1].returncode = 0
+    assert supervisor.step(now_s) == ["event-ingest has finished"]
+    assert spawner.started[2][1].returncode == 0, "told to end"
+    assert supervisor.stop() == []
 
 
 def test_KILLED_daemon_comes_back_with_growing_pauses() -> None:

@@ -10,8 +10,9 @@ import zenoh
 from motiondlo.bus.config import BusConfig
 from motiondlo.errors import ConfigError
 
-RETRY_MS = 100
-RETRY_MAX_MS = 500
+RETRY_MS = 50
+RETRY_MAX_MS = 250
+"""A process that takes over for a dead one is there within 50 ms; a refused connection on loopback costs little."""
 WAIT_BEFORE_DROP_US = 500
 EXPRESS_QUEUE = 16
 """Batches waiting per link (zenoh's largest). An express message fills one of its own, and the default of 2 lost

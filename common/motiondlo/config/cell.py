@@ -29,6 +29,10 @@ class CellSection(BaseModel):
         default="cell", pattern=r"^[a-z0-9][a-z0-9_-]{0,31}$", description="part of every topic: motiondlo/<name>/..."
     )
     realtime: bool = Field(default=True, description="use SCHED_FIFO and locked memory where the machine permits it")
+    standby: bool = Field(
+        default=True,
+        description="motiondlo run keeps a second, loaded process of each daemon of the event path, which takes over",
+    )
 
 
 class CalibrationSection(BaseModel):

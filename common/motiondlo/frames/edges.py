@@ -26,16 +26,31 @@ ROW_PX = 2.0
 """Distance of rows along the curve."""
 COLUMN_PX = 0.5
 """Distance of samples across it."""
-_WIDTH_FACTORS = np.arange(0.76, 1.29, 0.04)
-_WIDE_FACTORS = np.arange(0.44, 1.37, 0.04)
-SEARCH_W = 0.45
-"""How far from a skeleton the centre is looked for, widths."""
-_WIDE_SEARCH_W = 0.6
-"""A search wider than this comes with a width that is little known."""
+_LATER_FACTORS = (0.96, 1.0, 1.04, 1.08)
 _BLUR_REACH_PX = 8.0
 _STEP_COST = 0.15
-_PEAK_PX = 2.0
-"""How far from its place by the common width an edge's peak is looked for."""
+_PEAK_PX, _PEAK_W = 2.0, 0.3
+"""How far from its place by the common width an edge's peak is looked for: the lesser of both."""
+
+
+@dataclass(frozen=True)
+class WidthSearch:
+    """How well a mask knows the DLO's place and width; for the first pass of a refinement."""
+
+    reach_w: float = 0.45
+    """How far from the skeleton the centre may be, widths of the mask."""
+    factors: tuple[float, ...] = tuple(0.76 + 0.04 * k for k in range(14))
+    """Widths that are tried, widths of the mask."""
+    outer_share: float = 1.0
+    """The widest pair of edges is taken whose strength is this share of the strongest pair's: highlights and the
+    terminator between a bright and a dark flank have edges too, but the outer ones are the DLO's."""
+
+
+USUAL = WidthSearch()
+FAINT = WidthSearch(0.75, tuple(0.44 + 0.04 * k for k in range(24)), 0.9)
+"""The mask holds the shadow as well."""
+WIRE = WidthSearch(0.6, tuple(0.5 + 0.1 * k for k in range(20)), 0.8)
+"""The mask is two or three pixels wide; a highlight is as strong as the wire."""
 
 
 @dataclass(frozen=True)
@@ -57,24 +72,22 @@ class RefinedCurve:
 
 
 def refine_centreline(
-    scene: Scene, path: FloatArray, width_px: float, rounds: int, smooth_w: float, search_w: float = SEARCH_W
+    scene: Scene, path: FloatArray, width_px: float, rounds: int, smooth_w: float, search: WidthSearch = USUAL
 ) -> RefinedCurve:
     """Move a rough centreline to the middle between both edges.
 
     path: (K, 2) image px, smooth, within about half a width of the truth. width_px: rough width. rounds: passes, each
-    on the strip around the last result. smooth_w: smoothing length in widths. search_w: how far from ``path`` the
-    centre may be, widths (in the first pass; the later ones start near it).
+    on the strip around the last result. smooth_w: smoothing length in widths. search: how far the first pass looks.
     """
     centre = _even(path)
     width = width_px
     result: RefinedCurve | None = None
     for turn in range(max(1, rounds)):
-        search = search_w if turn == 0 else min(search_w, SEARCH_W)
-        strip = sample_strip(scene, centre, (0.7 + search) * width + 6.0, COLUMN_PX)
+        look = search if turn == 0 else WidthSearch(min(search.reach_w, USUAL.reach_w), _LATER_FACTORS)
+        strip = sample_strip(scene, centre, (0.7 + look.reach_w) * width + 6.0, COLUMN_PX)
         g = edge_strength(strip)
-        factors = _WIDTH_FACTORS[5:9] if turn else _WIDE_FACTORS if search > _WIDE_SEARCH_W else _WIDTH_FACTORS
-        width = common_width(g, strip.offsets, width, factors, search)
-        rough = centre_path(g, strip.offsets, width, search)
+        width = common_width(g, strip.offsets, width, look)
+        rough = centre_path(g, strip.offsets, width, look.reach_w)
         offset, weight, widths = locate_edges(g, strip.offsets, rough, width)
         both = np.isfinite(widths)
         if int(both.sum()) >= 8:
@@ -113,21 +126,20 @@ def _gradient(values: Float32Array) -> Float32Array:
     return np.asarray(np.float32(0.5) * np.sqrt(squared), dtype=np.float32)
 
 
-def common_width(
-    g: FloatArray, offsets: FloatArray, width: float, factors: FloatArray, search_w: float = SEARCH_W
-) -> float:
+def common_width(g: FloatArray, offsets: FloatArray, width: float, search: WidthSearch) -> float:
     """The width at which pairs of edges are strongest, all rows together."""
     # Every third row: neighbours say the same.
     saturated = _saturate(g[::3])
-    scores = [float(_pair_strength(saturated, offsets, width * f, search_w)[0].max(axis=1).sum()) for f in factors]
-    if search_w > _WIDE_SEARCH_W:
-        # Of a faint DLO the terminator between its bright and its dark flank is as strong an edge as the outer ones.
-        good = np.flatnonzero(np.array(scores) > 0.9 * max(scores))
-        return float(width * factors[good[-1]])
-    return float(width * factors[int(np.argmax(scores))])
+    scores = np.array(
+        [_pair_strength(saturated, offsets, width * f, search.reach_w)[0].max(axis=1).sum() for f in search.factors]
+    )
+    if search.outer_share >= 1.0:
+        return float(width * search.factors[int(scores.argmax())])
+    good = np.flatnonzero(scores > search.outer_share * scores.max())
+    return float(width * search.factors[int(good[-1])]) if len(good) else width
 
 
-def centre_path(g: FloatArray, offsets: FloatArray, width: float, search_w: float = SEARCH_W) -> FloatArray:
+def centre_path(g: FloatArray, offsets: FloatArray, width: float, search_w: float = USUAL.reach_w) -> FloatArray:
     """Offset of the centre per row, (K,): the smooth path through the strongest pairs of edges (dynamic program)."""
     pair, candidates = _pair_strength(_saturate(g), offsets, width, search_w)
     column = np.empty(len(pair), np.int64)
@@ -143,8 +155,9 @@ def locate_edges(
     Returns the centre's offset (K,), its weight (K,) (1 both edges, 0.3 one of them, 0 none) and the width where both
     were found, else NaN (K,).
     """
-    left, left_strength = _peak_near(g, offsets, rough - 0.5 * width)
-    right, right_strength = _peak_near(g, offsets, rough + 0.5 * width)
+    reach = min(_PEAK_PX, _PEAK_W * width)
+    left, left_strength = _peak_near(g, offsets, rough - 0.5 * width, reach)
+    right, right_strength = _peak_near(g, offsets, rough + 0.5 * width, reach)
     typical = np.array([np.median(left_strength), np.median(right_strength)])
     floor = 0.35 * np.maximum(typical, 0.25 * typical.max())
     has_left = np.isfinite(left) & (left_strength > floor[0])
@@ -242,10 +255,10 @@ def _columns(values: FloatArray, index: FloatArray) -> FloatArray:
     return np.asarray(values[:, low] * (1.0 - part) + values[:, low + 1] * part, dtype=np.float64)
 
 
-def _peak_near(g: FloatArray, offsets: FloatArray, where: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Highest point of ``g`` within ``_PEAK_PX`` of ``where`` (K,), refined by a parabola; NaN when at the rim."""
+def _peak_near(g: FloatArray, offsets: FloatArray, where: FloatArray, reach_px: float) -> tuple[FloatArray, FloatArray]:
+    """Highest point of ``g`` within ``reach_px`` of ``where`` (K,), refined by a parabola; NaN when at the rim."""
     step = offsets[1] - offsets[0]
-    reach = int(_PEAK_PX / step)
+    reach = int(reach_px / step)
     columns = g.shape[1]
     start = np.round((where - offsets[0]) / step).astype(np.int64)
     index = np.clip(start[:, None] + np.arange(-reach, reach + 1)[None], 1, columns - 2)

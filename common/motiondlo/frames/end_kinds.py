@@ -18,6 +18,8 @@ _CHANGED = 0.12
 """Relative difference from the board that an object ahead shows (the strongest cast shadows are excluded by width)."""
 _HELD_SHARE = 0.45
 _STEP_CODES = 9.0
+_LEAST_SCALE_PX = 12.0
+"""Beside a thinner DLO the board's own texture has steps."""
 _GAP = 3
 """Samples around a step that are left out: its soft edge, and thin lines."""
 
@@ -71,21 +73,22 @@ def edge_across(scene: Scene, view: EndView) -> float:
     Where a DLO runs under a plate, the plate's edge goes on to the left and right of it; at a free tip nothing does.
     The weaker side counts. Thin printed lines are no steps: both sides of them look the same.
     """
-    along = np.arange(-1.8 * view.width, 1.8 * view.width, 1.0)
+    width = max(view.width, _LEAST_SCALE_PX)
+    along = np.arange(-1.8 * width, 1.8 * width, 1.0)
     centre = view.point + along[:, None] * view.outward
-    strip = sample_strip(scene, centre, 1.05 * view.width, 1.0)
+    strip = sample_strip(scene, centre, 1.05 * width, 1.0)
     steps = []
     for sign in (-1.0, 1.0):
         lateral = strip.offsets * sign
-        band = (lateral > 0.72 * view.width) & (lateral < 1.0 * view.width)
+        band = (lateral > 0.72 * width) & (lateral < 1.0 * width)
         profile = strip.image[:, band].mean(axis=1).astype(np.float64)
-        span = min(max(int(0.5 * view.width), 5), (len(profile) - 2 * _GAP) // 2 - 1)
+        span = min(max(int(0.5 * width), 5), (len(profile) - 2 * _GAP) // 2 - 1)
         if span < 2:
             return 0.0
         level = np.median(sliding_window_view(profile, span, axis=0), axis=2)
         # level[k] covers samples k to k + span; the step at m compares the windows before m - gap and after m + gap.
         middle = np.arange(span + _GAP, len(profile) - span - _GAP)
-        middle = middle[np.abs(along[middle]) <= 0.8 * view.width]
+        middle = middle[np.abs(along[middle]) <= 0.8 * width]
         if len(middle) == 0:
             return 0.0
         step = level[middle + _GAP] - level[middle - _GAP - span]

@@ -69,6 +69,22 @@ class FaintParams(_Params):
     min_shading: float = Field(default=0.06, ge=0.0, le=1.0, description="difference of the flanks over the board")
 
 
+class ThinParams(_Params):
+    """Another look for wires, narrower than ``foreground.min_width``; needs the empty board's picture."""
+
+    enabled: bool = Field(default=True, description="look for wires where there is a picture of the empty board")
+    threshold: float = Field(default=0.1, gt=0.0, le=1.0, description="least log contrast with both sides")
+    noise_factor: float = Field(default=6.0, ge=1.0, le=50.0, description="the same in robust standard deviations")
+    flank: float = Field(default=0.45, ge=0.0, le=0.95, description="share of a ridge's height where the wire begins")
+    margin: float = Field(default=0.006, ge=0.0, le=0.2, description="distance to what was found already, image widths")
+    min_piece: float = Field(default=0.03, ge=0.0, le=0.5, description="shorter strips are no wires, image widths")
+    min_width: float = Field(default=0.0016, ge=0.0, le=0.1, description="narrowest wire, share of the image's width")
+    min_edge_support: float = Field(default=0.6, ge=0.0, le=1.0, description="share of rows with both edges")
+    max_width_spread: float = Field(default=0.25, gt=0.0, le=1.0, description="robust spread of the width over width")
+    max_beside: float = Field(default=0.014, gt=0.0, le=1.0, description="log difference from the board beside a wire")
+    beside_noise_factor: float = Field(default=4.0, ge=0.0, le=50.0, description="the same in robust deviations")
+
+
 class CleaningParams(_Params):
     """Mask cleaning before thinning (paper: disks of 6 and 3 px, holes of 300 px at 2592 x 1944)."""
 
@@ -131,7 +147,6 @@ class FitParams(_Params):
     knot_spacing_w: float = Field(default=1.0, gt=0.1, le=20.0, description="distance of the B-spline's knots")
     refine: bool = Field(default=True, description="sub-pixel centreline from both edges; off: pixel skeleton (paper)")
     refine_rounds: int = Field(default=2, ge=1, le=5, description="passes of the sub-pixel refinement")
-    search_w: float = Field(default=0.45, gt=0.05, le=1.0, description="how far from the skeleton the centre may be")
     smooth_length_w: float = Field(default=0.9, gt=0.05, le=20.0, description="smoothing length of the refined curve")
 
 
@@ -165,6 +180,7 @@ class FrameParams(_Params):
     check: CheckParams = CheckParams()
     foreground: ForegroundParams = ForegroundParams()
     faint: FaintParams = FaintParams()
+    thin: ThinParams = ThinParams()
     cleaning: CleaningParams = CleaningParams()
     graph: GraphParams = GraphParams()
     merge: MergeParams = MergeParams()

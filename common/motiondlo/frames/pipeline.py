@@ -14,6 +14,7 @@ from motiondlo.frames.board import BoardModel, model_board
 from motiondlo.frames.checks import FrameFailure, check_frame
 from motiondlo.frames.classical import ClassicalBackend, segment_board
 from motiondlo.frames.colour import Image
+from motiondlo.frames.edges import FAINT, USUAL, WIRE, WidthSearch
 from motiondlo.frames.faint import faint_mask, is_body, taken_mask
 from motiondlo.frames.instances import Dlo, classify_ends, join_segments, make_instance, score_dlo
 from motiondlo.frames.mask_cleaning import adaptive_closing, clean_mask, remove_small
@@ -23,6 +24,7 @@ from motiondlo.frames.segments import Screen, Segment, is_plausible, measure_seg
 from motiondlo.frames.skeleton_graph import build_graph, distance_inside, prune_spurs, skeletonise
 from motiondlo.frames.smear import rise_px
 from motiondlo.frames.strip import Scene
+from motiondlo.frames.thin import is_wire, thin_mask
 from motiondlo.frames.traversal import Chain, traverse
 from motiondlo.frames.types import Segmentation
 from motiondlo.geometry.camera_map import CameraMap
@@ -103,6 +105,9 @@ def segment_frame(
     if params.faint.enabled and isinstance(backend, ClassicalBackend):
         segments += find_faint(scene, segments, masks.obstacles, params)
         times.lap("faint")
+    if params.thin.enabled and board.from_plate and isinstance(backend, ClassicalBackend):
+        segments += find_thin(scene, segments, masks.obstacles, params)
+        times.lap("thin")
     dlos = assemble_dlos(scene, segments, params)
     times.lap("join")
     sharp = [(score, dlo) for score, dlo in dlos if not is_smeared(dlo.edge_blur, scene, params)]
@@ -142,7 +147,12 @@ def is_smeared(edge_blur_px: float, scene: Scene, params: FrameParams) -> bool:
 
 
 def measure_chains(
-    scene: Scene, chains: list[Chain], mask: Mask, params: FrameParams, screen: Screen | None = None
+    scene: Scene,
+    chains: list[Chain],
+    mask: Mask,
+    params: FrameParams,
+    screen: Screen | None = None,
+    search: WidthSearch = USUAL,
 ) -> tuple[list[Segment], bool]:
     """Measured pieces of DLOs; what cannot be one is left out. The flag: some of that was smeared by motion."""
     least, most = params.foreground.min_width * scene.size[0], params.foreground.max_width * scene.size[0]
@@ -153,7 +163,7 @@ def measure_chains(
         # The mask's width is rough; the measured one counts.
         if not 0.8 * least <= width <= 1.2 * most or chain.length < 2.5 * chain.width:
             continue
-        segment = measure_segment(scene, chain, params.fit, screen)
+        segment = measure_segment(scene, chain, params.fit, screen, search)
         if segment is None or not least <= segment.width <= most:
             continue
         if is_plausible(segment, mask, scene.board.scale, params.instance):
@@ -170,10 +180,20 @@ def find_faint(scene: Scene, found: list[Segment], obstacles: Mask | None, param
     mask = faint_mask(board, taken, params.faint, params.foreground)
     mask = remove_small(mask, params.cleaning.min_area * mask.size)
     chains = mask_to_chains(mask, obstacles, board, params, StageTimes())
-    # Mask and shadow are one here, so the centre may be far from the skeleton.
-    wide = params.fit.model_copy(update={"search_w": 0.75})
-    measuring = params.model_copy(update={"fit": wide})
-    return measure_chains(scene, chains, mask, measuring, lambda s, curve: is_body(s, curve, params.faint))[0]
+    return measure_chains(scene, chains, mask, params, lambda s, curve: is_body(s, curve, params.faint), FAINT)[0]
+
+
+def find_thin(scene: Scene, found: list[Segment], obstacles: Mask | None, params: FrameParams) -> list[Segment]:
+    """Another look, away from what was found, for wires."""
+    board = scene.board
+    taken = taken_mask(board.distance.shape, board.scale, found, obstacles)
+    mask = thin_mask(board, taken, params.thin, params.foreground)
+    chains = mask_to_chains(mask, obstacles, board, params, StageTimes())
+    narrow = params.foreground.model_copy(
+        update={"min_width": params.thin.min_width, "max_width": 1.1 * params.foreground.min_width}
+    )
+    measuring = params.model_copy(update={"foreground": narrow})
+    return measure_chains(scene, chains, mask, measuring, lambda s, curve: is_wire(s, curve, params.thin), WIRE)[0]
 
 
 def assemble_dlos(scene: Scene, segments: list[Segment], params: FrameParams) -> list[tuple[float, Dlo]]:

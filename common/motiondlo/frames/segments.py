@@ -9,7 +9,7 @@ from itertools import permutations
 import numpy as np
 import numpy.typing as npt
 
-from motiondlo.frames.edges import RefinedCurve, refine_centreline
+from motiondlo.frames.edges import USUAL, RefinedCurve, WidthSearch, refine_centreline
 from motiondlo.frames.ends import FollowedEnd, Palette, follow_end, learn_palette
 from motiondlo.frames.masks import Mask
 from motiondlo.frames.params import FitParams, InstanceParams
@@ -60,7 +60,9 @@ Screen = Callable[[Scene, RefinedCurve], bool]
 """Whether a refined centreline is worth following to its ends."""
 
 
-def measure_segment(scene: Scene, chain: Chain, params: FitParams, screen: Screen | None = None) -> Segment | None:
+def measure_segment(
+    scene: Scene, chain: Chain, params: FitParams, screen: Screen | None = None, search: WidthSearch = USUAL
+) -> Segment | None:
     """Trim, smooth and refine a chain, then follow its ends. None when nothing is left, or ``screen`` refuses it."""
     scale = scene.board.scale
     path = image_from_working(trim_ends(chain), scale)
@@ -69,7 +71,7 @@ def measure_segment(scene: Scene, chain: Chain, params: FitParams, screen: Scree
         return None
     smooth = smooth_path(path, params.savgol_window_w * width, params.savgol_order)
     refined = (
-        refine_centreline(scene, smooth, width, params.refine_rounds, params.smooth_length_w, params.search_w)
+        refine_centreline(scene, smooth, width, params.refine_rounds, params.smooth_length_w, search)
         if params.refine
         else _unrefined(smooth, width)
     )

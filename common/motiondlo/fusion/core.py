@@ -5,7 +5,7 @@ No clock, no bus: every time comes in with the data (event microseconds).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,7 @@ import numpy.typing as npt
 from motiondlo.frames.types import Appearance, EndKind, Instance, Segmentation
 from motiondlo.fusion.association import Match, associate, curve_distance, same_direction
 from motiondlo.fusion.blending import blend_weight, blended
+from motiondlo.fusion.handover import Handover
 from motiondlo.fusion.history import TrackHistory
 from motiondlo.fusion.judgement import Judge, Verdict
 from motiondlo.fusion.mode import ModeMachine, RestChange
@@ -57,6 +58,7 @@ class FusionCore:
         self._last_segmented_us: int | None = None
         self._due: list[Correction] = []
         self._retired: set[int] = set()
+        self._handover = Handover()
         self._now_us = -1
         self._waited_us = 0
         self.degraded_reason = ""
@@ -66,8 +68,9 @@ class FusionCore:
 
     def on_track(self, update: TrackUpdate) -> FusedState:
         """Take the tracker's newest update; the state at its time."""
-        self._now_us = update.t_us
-        self._adopt(update)
+        before_us, self._now_us = self._now_us, update.t_us
+        self._adopt(update, before_us)
+        update = replace(update, tracks=self._handover.complete(update.tracks, update.t_us))
         change = self._mode.advance(update.t_us, update.tracks)
         for track in update.tracks:
             if track.moving and track.confidence >= self._params.overrule_confidence:
@@ -80,7 +83,7 @@ class FusionCore:
             mode = Mode.DEGRADED
         return FusedState(update.t_us, update.t_events_us, mode, tuple(fused_dlo(track) for track in update.tracks))
 
-    def _adopt(self, update: TrackUpdate) -> None:
+    def _adopt(self, update: TrackUpdate, before_us: int) -> None:
         """Learn the tracker's DLOs (also after a restart of fusion), and give back those that a new tracker lacks."""
         alive = {track.id for track in update.tracks}
         for track in update.tracks:
@@ -91,14 +94,16 @@ class FusionCore:
         for dlo_id, known in self._known.items():
             if dlo_id in alive or known.state is None:
                 continue
-            self._due.append(self._restored(dlo_id, known, known.state, update.t_us))
+            self._due.append(self._restored(dlo_id, known, known.state, before_us))
+            self._handover.add(known.state, before_us)
             known.state = None
 
-    def _restored(self, dlo_id: int, known: _Known, state: TrackState, now_us: int) -> Correction:
+    def _restored(self, dlo_id: int, known: _Known, state: TrackState, t_us: int) -> Correction:
+        """``state``, held at ``t_us``, for a tracker that has lost it; it carries it on to its own time."""
         sigma = np.sqrt(np.maximum(state.cov_px2[:, 0] + state.cov_px2[:, 2], 1.0))
-        return self._correction(
-            dlo_id, now_us, CorrectionKind.REINITIALISE, state.nodes, sigma, sigma, state.diameter_px, known
-        )
+        kind = CorrectionKind.REINITIALISE
+        correction = self._correction(dlo_id, t_us, kind, state.nodes, sigma, sigma, state.diameter_px, known)
+        return replace(correction, not_before_us=-1, velocity_px_s=state.velocity_px_s if state.moving else None)
 
     def _plan(self, update: TrackUpdate, change: RestChange) -> None:
         self._requests.stirred(change.stirred)

@@ -29,9 +29,13 @@ class CorrectionMessage(Message):
     appearance: AppearanceModel | None = None
     not_before_us: Annotated[TimeUs, Field(description="Apply at or after this event time; -1: at once.")] = -1
 
+    velocity_px_s: Annotated[Nodes | None, Field(description="At t_us, when a tracker is given back its DLOs.")] = None
+
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         same_length(self.nodes, self.sigma_normal_px, self.sigma_tangent_px)
+        if self.velocity_px_s is not None:
+            same_length(self.nodes, self.velocity_px_s)
         return self
 
     @classmethod
@@ -49,6 +53,7 @@ class CorrectionMessage(Message):
             ends=(correction.ends[0].value, correction.ends[1].value),
             appearance=AppearanceModel.from_appearance(correction.appearance),
             not_before_us=correction.not_before_us,
+            velocity_px_s=correction.velocity_px_s,
         )
 
     def to_correction(self) -> Correction:
@@ -65,4 +70,5 @@ class CorrectionMessage(Message):
             (EndKind(self.ends[0]), EndKind(self.ends[1])),
             None if self.appearance is None else self.appearance.to_appearance(),
             self.not_before_us,
+            self.velocity_px_s,
         )

@@ -65,8 +65,8 @@ def make_plan(name: str, scene: SceneParams, seed: int) -> Plan:
         duration_s=round(end_s + scene.rest_after_s, 3),
         cables=cables,
         grippers=tuple(grippers),
-        plate=_place_plate(scene, chains[0], rng),
-        belt_y_mm=float(rng.uniform(-20.0, 20.0)),
+        plate=_place_plate(scene, chains[0], grippers, rng),
+        belt_y_mm=_belt_place(chains[0], grippers, rng),
         flicker_spot_mm=(float(rng.uniform(-40.0, 40.0)), float(rng.uniform(-25.0, 25.0))),
     )
 
@@ -281,11 +281,20 @@ def _cable_plan(index: int, scene: SceneParams, chain: FloatArray, board: str, r
 
 
 def _place_plate(
-    scene: SceneParams, chain: FloatArray, rng: np.random.Generator
+    scene: SceneParams, chain: FloatArray, grippers: list[GripperPlan], rng: np.random.Generator
 ) -> tuple[float, float, float, float, float] | None:
+    """Over the first cable's middle, along the first stroke: it hides a part of the cable all the time."""
     if scene.plate is None:
         return None
-    middle = int(len(chain) * rng.uniform(0.45, 0.6))
-    along = chain[middle + 1] - chain[middle - 1]
-    angle = float(np.arctan2(along[1], along[0]) + np.pi / 2 + rng.normal(0.0, 0.05))
-    return float(chain[middle, 0]), float(chain[middle, 1]), angle, 95.0, scene.plate.half_width_mm
+    at = chain[int(len(chain) * rng.uniform(0.45, 0.58))]
+    strokes = [stroke for gripper in grippers for stroke in gripper.strokes]
+    move = strokes[0].move_mm if strokes else (0.0, 1.0)
+    angle = float(np.arctan2(move[1], move[0]))
+    x, y = at[0] + 0.5 * move[0], at[1] + 0.5 * move[1]
+    return float(x), float(y), angle, 130.0, scene.plate.half_width_mm
+
+
+def _belt_place(chain: FloatArray, grippers: list[GripperPlan], rng: np.random.Generator) -> float:
+    """Where the belt's middle runs, mm: under the first cable, half-way on its way."""
+    way = sum((stroke.move_mm[1] for gripper in grippers[:1] for stroke in gripper.strokes), 0.0)
+    return float(np.clip(chain[:, 1].mean() + 0.5 * way, -45.0, 45.0) + rng.uniform(-10.0, 10.0))

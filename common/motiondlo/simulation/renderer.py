@@ -117,28 +117,20 @@ class Renderer:
             dirty |= self._belt_tiles
         if not dirty.any():
             return dirty
-        restore_tiles(self.image, self._around.board, dirty)
-        if self._belt is not None and self._plan.scene.belt is not None:
-            a = self._around
-            shift = self._plan.scene.belt.speed_mm_s * time_s
-            draw_belt(
-                self.image, a.light_map, dirty, a.belt_across, a.belt_along, a.belt_inside, self._belt, shift,
-                float(boards.TEXELS_PER_MM),
-            )  # fmt: skip
+        self._draw_ground(time_s, dirty)
         order = sorted(range(len(cables)), key=lambda k: (self._plan.cables[k].support_mm, k))
         for k in order:
             self._draw_cable(k, *cables[k], dirty)
-        for box in boxes:
-            draw_box(
-                self.image, self._around.light_map, dirty, box.shadow_px, box.texture, self._tint, box.softness_px,
-                SHADOW,
-            )  # fmt: skip
-        for box in boxes:
-            draw_box(
-                self.image, self._around.light_map, dirty, box.shape_px, box.texture, self._tint,
-                self._camera.blur_px, 0.0,
-            )  # fmt: skip
+        self._draw_boxes(boxes, dirty)
         return dirty
+
+    def empty_board(self, time_s: float) -> FloatImage:
+        """(H, W, C) linear light of the board with what belongs to the cell: belt and plate, no cables, no grippers."""
+        everywhere = np.ones(self._tile_shape, np.uint8)
+        self._draw_ground(time_s, everywhere)
+        self._draw_boxes(self.boxes(time_s)[: int(self._plan.plate is not None)], everywhere)
+        self._drawn.clear()
+        return self.image.copy()
 
     def boxes(self, time_s: float) -> list[Box]:
         """The plate, if there is one, then the parts of all grippers, lower ones first within each."""
@@ -214,6 +206,28 @@ class Renderer:
             self.image, self._around.light_map, points, normals, radii, arcs, self._colours[k], self._looks[k],
             self._light, self._half, blur, *hits, n,
         )  # fmt: skip
+
+    def _draw_ground(self, time_s: float, dirty: Tiles) -> None:
+        restore_tiles(self.image, self._around.board, dirty)
+        if self._belt is not None and self._plan.scene.belt is not None:
+            a = self._around
+            shift = self._plan.scene.belt.speed_mm_s * time_s
+            draw_belt(
+                self.image, a.light_map, dirty, a.belt_across, a.belt_along, a.belt_inside, self._belt, shift,
+                float(boards.TEXELS_PER_MM),
+            )  # fmt: skip
+
+    def _draw_boxes(self, boxes: list[Box], dirty: Tiles) -> None:
+        for box in boxes:
+            draw_box(
+                self.image, self._around.light_map, dirty, box.shadow_px, box.texture, self._tint, box.softness_px,
+                SHADOW,
+            )  # fmt: skip
+        for box in boxes:
+            draw_box(
+                self.image, self._around.light_map, dirty, box.shape_px, box.texture, self._tint,
+                self._camera.blur_px, 0.0,
+            )  # fmt: skip
 
     def _tiles_of_belt(self) -> Tiles:
         tiles = np.zeros(self._tile_shape, np.uint8)

@@ -43,8 +43,6 @@ class Views:
     rgb_camera: Camera
     event: Renderer
     rgb: Renderer
-    empty_board: Any
-    """(H, W, 3) linear light of the RGB view without cables and grippers."""
 
 
 def simulate_recording(
@@ -68,7 +66,7 @@ def simulate_recording(
     for i, start_us in enumerate(triggers):
         frames_bytes += folder.write_frame(i + 1, start_us, expose(views.rgb, lighting, start_us, rng))
         progress(_SHARE_OF_EVENTS + (1.0 - _SHARE_OF_EVENTS) * i / len(triggers))
-    folder.write_image("background.jpg", develop(views.empty_board, rng))
+    folder.write_image("background.jpg", develop(views.rgb.empty_board(0.0), rng))
     h_true = event_from_rgb(views.event_camera, views.rgb_camera)
     folder.write_calibration(*calibrated_homography(views.event_camera, views.rgb_camera, rng))
     truth = ground_truth(plan, motion, views.event_camera, views.event, h_true)
@@ -104,9 +102,8 @@ def build_views(plan: Plan, motion: Motion) -> Views:
     renderers = []
     for camera, colour in ((event_camera, False), (rgb_camera, True)):
         around = see(camera, board, colour, plan.belt_y_mm, half)
-        renderers.append((Renderer(plan, motion, camera, around, textures, plate, strip), around))
-    (event, _), (rgb, rgb_around) = renderers
-    return Views(event_camera, rgb_camera, event, rgb, rgb_around.board.copy())
+        renderers.append(Renderer(plan, motion, camera, around, textures, plate, strip))
+    return Views(event_camera, rgb_camera, *renderers)
 
 
 def _all_events(

@@ -47,6 +47,8 @@ class Correction:
     appearance: Appearance | None = None
     not_before_us: int = -1
     """Apply at the first update at or after this event time (replay emulates the segmenter's latency); -1: at once."""
+    velocity_px_s: FloatArray | None = None
+    """(M, 2) at ``t_us``, for REINITIALISE: a restarted tracker's DLOs are given back as they moved; None: unknown."""
 
 
 class TrackSource(StrEnum):

@@ -14,7 +14,7 @@ from motiondlo.messages.reject import Rejected
 from motiondlo.topics import HEALTH, STATE
 from motiondlo_services.event_ingest.config import EventIngestConfig
 from motiondlo_services.event_ingest.core import EventIngestCore, due_ns
-from motiondlo_services.event_ingest.live import serve_camera
+from motiondlo_services.event_ingest.live import compile_kernels, serve_camera
 from motiondlo_services.event_ingest.readiness import TrackerReadiness
 from motiondlo_services.event_ingest.sending import Sender
 from motiondlo_services.runtime.shell import Shell, run_daemon
@@ -22,6 +22,8 @@ from motiondlo_services.runtime.shell import Shell, run_daemon
 WAIT_S = 0.05
 GRACE_S = 0.2
 """After the tracker has its first DLOs: time for the bus to connect the rest."""
+FIND_FUSION_S = 1.0
+"""After a restart fusion is linked again within this time, if there is one."""
 WARM_UP_BATCHES = 20
 LATE_NS = 20_000_000
 """When sending is this far behind, what is due is taken in first, so that the core can drop the oldest."""
@@ -36,12 +38,11 @@ def serve(shell: Shell, bus: Bus) -> None:
         serve_camera(shell, bus, config, _resume_us)
         return
     events = open_events(recording.events_path, shell.cell.geometry)
-    _compile_kernels(open_events(recording.events_path, shell.cell.geometry), config.batch_us)
     player = _Player(shell, bus, events, config)
     shell.ready()
 
     # A restarted ingest goes on where the cell is; a first one waits until the tracker knows its DLOs.
-    start_us = _resume_us(bus)
+    start_us = _resume_us(bus, shell.cell.replay.speed)
     if start_us < 0:
         _wait_for_tracker(shell, bus, player, shell.cell.replay.wait_for_tracker_s)
         start_us = 0
@@ -82,21 +83,30 @@ class _Player:
         self._sender.send()
 
 
-def _compile_kernels(events: EventFile, batch_us: int) -> None:
-    """Decode and cut a little of the file, so that nothing is compiled while it is played."""
-    for _ in islice(events.batches(batch_us), WARM_UP_BATCHES):
+def load_kernels(shell: Shell) -> None:
+    """Decode and cut a little, so that nothing is compiled while events are sent."""
+    config = shell.section(EventIngestConfig)
+    recording = shell.cell.recording()
+    if recording is None:
+        compile_kernels(shell.cell.geometry, config.batch_us)
+        return
+    for _ in islice(open_events(recording.events_path, shell.cell.geometry).batches(config.batch_us), WARM_UP_BATCHES):
         pass
 
 
-def _resume_us(bus: Bus) -> int:
-    """Event time at which a running cell is; -1 when no state was ever published."""
+def _resume_us(bus: Bus, speed: float = 1.0) -> int:
+    """Event time at which a running cell is, whose events come at ``speed``; -1 when no state was ever published."""
+    alive = bus.watch_alive()
+    deadline_s = time.monotonic() + FIND_FUSION_S
+    while "fusion" not in alive.update() and time.monotonic() < deadline_s:
+        bus.wait(deadline_s - time.monotonic(), alive)  # its links come back one after the other
     try:
         state = bus.last_value(STATE, timeout_s=0.3)
     except Rejected:
         return -1
     if state is None or state.t_us < 0:
         return -1
-    return state.t_us + (time.monotonic_ns() - state.t_sent_ns) // 1000
+    return state.t_us + round((time.monotonic_ns() - state.t_sent_ns) * 1e-3 * speed)
 
 
 def _wait_for_tracker(shell: Shell, bus: Bus, player: _Player, limit_s: float) -> None:
@@ -116,7 +126,7 @@ def _wait_for_tracker(shell: Shell, bus: Bus, player: _Player, limit_s: float) -
 
 def main() -> int:
     """Entry point of ``motiondlo-event-ingest``."""
-    return run_daemon("event-ingest", serve)
+    return run_daemon("event-ingest", serve, prepare=load_kernels)
 
 
 if __name__ == "__main__":

@@ -47,7 +47,6 @@ def serve_camera(shell: Shell, bus: Bus, config: EventIngestConfig, resume_us: C
         }
 
     sender = Sender(shell, bus, core, figures)
-    _compile_kernels(shell.cell.geometry, config.batch_us)
     shell.ready()
     connections = 0
     try:
@@ -71,7 +70,7 @@ def serve_camera(shell: Shell, bus: Bus, config: EventIngestConfig, resume_us: C
         link.close()
 
 
-def _compile_kernels(geometry: SensorGeometry, batch_us: int) -> None:
+def compile_kernels(geometry: SensorGeometry, batch_us: int) -> None:
     """Decode and cut a few events, so that nothing is compiled while the camera sends."""
     events = np.zeros(64, EVENT_DTYPE)
     events["t"] = np.arange(64) * batch_us // 8

@@ -4,23 +4,34 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Iterable
 
 from motiondlo.bus.session import Bus
+from motiondlo.messages.correction import CorrectionMessage
+from motiondlo.messages.events import EventBatchMessage
 from motiondlo.messages.track import TrackMessage
+from motiondlo.rejects import RejectReason
 from motiondlo.topics import CORRECTION, EVENTS_BATCH, TRACK
 from motiondlo.tracking.factory import make_tracker, warm_up
 from motiondlo_services.event_tracker.config import EventTrackerConfig
 from motiondlo_services.event_tracker.core import EventTrackerCore
+from motiondlo_services.event_tracker.inheritance import Inheritance
 from motiondlo_services.runtime.shell import Shell, run_daemon
 
 WAIT_S = 0.1
 
 
-def serve(shell: Shell, bus: Bus) -> None:
-    """Track until told to stop."""
-    # Configuration and core; kernels are compiled before the first event is accepted.
+def load_kernels(shell: Shell) -> None:
+    """Compile, or load from the cache, all that an update and its messages need."""
     config = shell.section(EventTrackerConfig)
     warm_up(config.profile, config.parameters, shell.cell.geometry)
+    EventBatchMessage.prepare()
+
+
+def serve(shell: Shell, bus: Bus) -> None:
+    """Track until told to stop."""
+    # Configuration and core.
+    config = shell.section(EventTrackerConfig)
     core = EventTrackerCore(
         make_tracker(config.profile, config.parameters, shell.cell.geometry),
         config.patience,
@@ -32,16 +43,25 @@ def serve(shell: Shell, bus: Bus) -> None:
     batches = bus.subscriber(EVENTS_BATCH)
     corrections = bus.subscriber(CORRECTION)
     tracks = bus.publisher(TRACK)
+    inheritance = Inheritance(time.monotonic_ns())
     shell.ready()
+
+    def take(messages: Iterable[CorrectionMessage]) -> bool:
+        taken = list(messages)
+        for message in taken:
+            core.on_correction(message.to_correction(), message.source)
+        return bool(taken)
 
     # Loop: this thread receives and computes, so that nothing else competes for the interpreter.
     while shell.running:
         if not core.waiting:
             bus.wait(WAIT_S, batches, corrections)
-        corrected = False
+        corrected = take(inheritance.due(time.monotonic_ns()))
         for correction in corrections.drain():
-            core.on_correction(correction.to_correction(), correction.source)
-            corrected = True
+            wanted, superseded = inheritance.sort(correction, time.monotonic_ns())
+            for old in superseded:
+                core.rejects.count(RejectReason.SUPERSEDED, old.source)
+            corrected = take(wanted) or corrected or bool(superseded)
         while (message := batches.recv()) is not None:
             core.push(message.to_batch(lost_on_the_way=batches.lost_before), message.t_ingest_ns)
         step = core.step()
@@ -55,7 +75,7 @@ def serve(shell: Shell, bus: Bus) -> None:
 
 def main() -> int:
     """Entry point of ``motiondlo-event-tracker``."""
-    return run_daemon("event-tracker", serve)
+    return run_daemon("event-tracker", serve, prepare=load_kernels)
 
 
 if __name__ == "__main__":

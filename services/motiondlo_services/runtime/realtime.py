@@ -45,6 +45,16 @@ def use_scheduling(process: Process) -> str:
     return f"other {process.nice}"
 
 
+def load_quietly() -> None:
+    """The normal class until the daemon is ready: loading takes a second of computing, and must not stop the others.
+
+    A service manager starts daemons under their final class already, and one that only stands by loads beside those
+    that work.
+    """
+    with suppress(OSError):
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
 @contextmanager
 def use_subscriber_scheduling() -> Iterator[None]:
     """Receive as a robot's gateway would: all threads under SCHED_FIFO, where permitted, below the event path.

@@ -1,16 +1,19 @@
 """The shell around every daemon's core: arguments, configuration, bus, real-time set-up, health, watchdog, shutdown.
 
 A daemon's ``main`` is ``run_daemon(name, body)``; its ``body(shell, bus)`` builds the core, says ``shell.ready()``, and
-loops while ``shell.running``, calling ``shell.tick(...)`` at least a few times a second.
+loops while ``shell.running``, calling ``shell.tick(...)`` at least a few times a second. What takes long and needs no
+bus (loading kernels) goes into ``prepare(shell)``: a process that stands by has it behind it when its turn comes.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Literal, TypeVar
 
@@ -29,12 +32,14 @@ from motiondlo_services.runtime.bus_section import BusSection
 from motiondlo_services.runtime.latency import LatencyWindow
 from motiondlo_services.runtime.notify import Notifier
 from motiondlo_services.runtime.realtime import (
+    load_quietly,
     lock_memory,
     settle_garbage_collector,
     use_processors,
     use_scheduling,
 )
 from motiondlo_services.runtime.shutdown import StopFlag, die_with_parent
+from motiondlo_services.runtime.standby import Turn
 
 Section = TypeVar("Section", bound=BaseModel)
 Lifecycle = Literal["starting", "running", "degraded", "stopping"]
@@ -95,6 +100,21 @@ class Shell:
         self._notifier.send("READY=1", f"STATUS=not enabled in {self.config_path}")
         self.close()
 
+    def stand_by(self, turn: Turn) -> bool:
+        """Wait, with all in memory, until no other process of this daemon works; False if asked to stop before."""
+        settle_garbage_collector()
+        ready = "READY=1"
+
+        def say() -> None:
+            self._notifier.send(ready, "WATCHDOG=1", "STATUS=standing by")
+
+        if not turn.wait(lambda: self.running, say):
+            return False
+        self._notifier.send("STATUS=working")
+        self._started_ns = time.monotonic_ns()
+        self._rates_from = (self._started_ns, Counter())
+        return True
+
     def latency(self, name: str, value_ns: int) -> None:
         """Note a latency for health."""
         window = self.latencies.get(name)
@@ -133,6 +153,7 @@ class Shell:
         return HealthMessage(
             t_us=self.t_us,
             daemon=self.row.name,
+            pid=os.getpid(),
             lifecycle=self.lifecycle,
             ready=self.lifecycle == "running",
             uptime_s=(now_ns - self._started_ns) * 1e-9,
@@ -168,10 +189,12 @@ def run_daemon(
     name: str,
     body: Callable[[Shell, Bus], None],
     session: Callable[[Shell, BusSection], BusConfig | None] = mesh_session,
+    prepare: Callable[[Shell], None] | None = None,
 ) -> int:
     """Run a daemon from the command line until it is told to stop, or its work is done; returns the exit code.
 
     ``session``: the daemon's session, if it is not one of the mesh; None when the configuration does not want it.
+    ``prepare``: what is to be done before the bus is joined, and while another process of this daemon still works.
     """
     row = process(name)
     parser = argparse.ArgumentParser(prog=f"motiondlo-{name}", description=f"MotionDLO daemon: {row.purpose}.")
@@ -181,6 +204,7 @@ def run_daemon(
     args = parser.parse_args()
     if args.supervised:
         die_with_parent()
+    load_quietly()
     try:
         shell = Shell(row, args.config)
         section = load_section(args.config, "bus", BusSection)
@@ -189,12 +213,15 @@ def run_daemon(
         if config is None:
             shell.not_wanted()
             return 0
-        with open_bus(config, name) as bus:
-            shell.use_bus(bus)
-            try:
+        if prepare is not None:
+            prepare(shell)
+        with ExitStack() as stack:
+            stack.callback(shell.close)
+            if row.standby and not shell.stand_by(stack.enter_context(closing(Turn(config.listen[0])))):
+                return 0
+            with open_bus(config, name) as bus:
+                shell.use_bus(bus)
                 body(shell, bus)
-            finally:
-                shell.close()
     except MotionDLOError as error:
         if args.debug:
             raise

@@ -116,15 +116,102 @@ def test_late_shape_meets_the_track_of_its_own_time_and_keeps_its_direction() ->
     assert correction.not_before_us > 1_995_000
 
 
-def test_shape_far_from_a_confident_track_starts_it_anew_and_identities_do_not_swap() -> None:
+def test_shape_far_from_a_weak_track_starts_it_anew_and_identities_do_not_swap() -> None:
     core = FusionCore(FusionParams())
     core.frame_request()
     core.on_segmentation(Segmentation(0, "first", (instance(line(100.0)), instance(line(200.0)))), now_us=-1)
-    core.on_track(update(1000, track(0, line(100.0)), track(1, line(200.0))))
+    core.on_track(update(1000, track(0, line(100.0), confidence=0.3), track(1, line(200.0))))
     corrections = core.on_segmentation(
         Segmentation(1000, "second", (instance(line(200.5)), instance(line(130.0)))), now_us=5000
     )
     assert {(c.id, c.kind) for c in corrections} == {(1, CorrectionKind.BLEND), (0, CorrectionKind.REINITIALISE)}
+
+
+def contradict(core: FusionCore, y: float, t_us: int, nodes: FloatArray, moving: bool = False) -> list[CorrectionKind]:
+    core.on_track(update(t_us, track(0, nodes, moving=moving)))
+    seg = Segmentation(t_us, "far", (instance(line(y)),))
+    return [c.kind for c in core.on_segmentation(seg, now_us=t_us)]
+
+
+def test_a_confident_track_outvotes_a_shape_beside_it_and_the_refusal_is_counted() -> None:
+    core, nodes = booted()
+    assert contradict(core, 240.0, 1_010_000, nodes) == []
+    assert core.rejects.as_dict() == {"outvoted": 1}
+
+
+def test_shapes_in_a_row_that_agree_overrule_a_track_at_rest() -> None:
+    core, nodes = booted(FusionParams(overrule_votes=3))
+    kinds = [contradict(core, 240.0 + k, 1_010_000 + 10_000 * k, nodes) for k in range(3)]
+    assert kinds == [[], [], [CorrectionKind.REINITIALISE]]
+
+
+def test_shapes_that_disagree_with_one_another_overrule_nothing() -> None:
+    core, nodes = booted(FusionParams(overrule_votes=3))
+    assert not any(contradict(core, 170.0 if k % 2 else 240.0, 1_010_000 + 10_000 * k, nodes) for k in range(6))
+
+
+def test_motion_that_the_events_support_ends_a_vote() -> None:
+    core, nodes = booted(FusionParams(overrule_votes=2))
+    assert contradict(core, 240.0, 1_010_000, nodes) == []
+    core.on_track(update(1_015_000, track(0, nodes, moving=True)))
+    assert contradict(core, 240.0, 1_020_000, nodes) == []
+
+
+def test_a_shape_of_two_dlos_in_one_line_has_no_tip_where_the_track_has_none() -> None:
+    core, nodes = booted()
+    core.on_track(update(1_010_000, track(0, nodes)))
+    merged = instance(line(200.0, 100.0, 900.0))
+    (correction,) = core.on_segmentation(Segmentation(1_010_000, "merged", (merged,)), now_us=1_010_000)
+    assert correction.ends == (EndKind.HELD, EndKind.HIDDEN)
+    assert correction.appearance is None
+
+
+def test_a_missing_dlo_segmented_elsewhere_is_not_born_a_second_time() -> None:
+    core, nodes = booted()
+    for k in range(4):
+        t_us = 1_010_000 + 10_000 * k
+        core.on_track(update(t_us, track(0, nodes)))
+        assert core.on_segmentation(Segmentation(t_us, "x", (instance(line(500.0)),)), now_us=t_us) == ()
+    assert core.rejects.as_dict() == {"unconfirmed": 4}
+
+
+def test_blend_weights_by_confidence_and_age() -> None:
+    core, nodes = booted(FusionParams(method="blend", blend_memory_ms=100.0))
+    core.on_track(update(1_010_000, track(0, nodes, confidence=0.9)))
+    seg = Segmentation(910_000, "late", (instance(line(220.0), score=0.9),))
+    (correction,) = core.on_segmentation(seg, now_us=1_010_000)
+    assert (correction.kind, correction.t_us) == (CorrectionKind.REINITIALISE, 1_010_000)
+    np.testing.assert_allclose(correction.nodes[:, 1], 200.0 + 20.0 * 0.5 * np.exp(-1.0), atol=1e-6)
+
+
+def test_one_dlo_rests_while_another_moves_and_is_asked_for() -> None:
+    core = FusionCore(FusionParams(static_after_ms=100.0))
+    core.frame_request()
+    core.on_segmentation(Segmentation(0, "first", (instance(line(100.0)), instance(line(300.0)))), now_us=-1)
+    core.on_track(update(1000, track(0, line(100.0), moving=True), track(1, line(300.0), moving=True)))
+    for t_us in range(2000, 110_000, 1000):
+        state = core.on_track(update(t_us, track(0, line(100.0)), track(1, line(300.0), moving=True)))
+    assert state.mode == Mode.MOTION
+    request = core.frame_request()
+    assert request is not None
+    assert request.ids == {0}
+
+
+def test_a_request_is_cancelled_when_its_dlo_moves_again_and_does_not_block_the_next() -> None:
+    core, nodes = booted(FusionParams(static_after_ms=100.0, refresh_static_s=100.0))
+    core.on_track(update(1_001_000, track(0, nodes, moving=True)))
+    core.on_track(update(1_110_000, track(0, nodes)))
+    first = core.frame_request()
+    assert first is not None
+    core.on_track(update(1_120_000, track(0, nodes, moving=True)))
+    assert not core.awaits(first)
+    assert core.cancelled == 1
+    core.on_track(update(1_230_000, track(0, nodes)))
+    second = core.frame_request()
+    assert second is not None
+    late = Segmentation(1_110_000, "late", failure="slow")
+    core.on_segmentation(late, now_us=1_240_000, number=first.number)
+    assert core.awaits(second), "the answer to the cancelled one is not taken for this one's"
 
 
 def test_new_dlo_needs_to_be_seen_twice_and_gets_a_new_id() -> None:

@@ -21,8 +21,21 @@ def read_unit(path: Path) -> configparser.ConfigParser:
     return unit
 
 
+def unit_names() -> list[str]:
+    """One per process, and one more for each that has another to stand by."""
+    working = [f"motiondlo-{row.name}.service" for row in PROCESSES]
+    return working + [f"motiondlo-{row.name}-standby.service" for row in PROCESSES if row.standby]
+
+
 def test_there_is_one_unit_per_process_and_no_other() -> None:
-    assert {p.name for p in UNITS.glob("*.service")} == {f"motiondlo-{row.name}.service" for row in PROCESSES}
+    assert {p.name for p in UNITS.glob("*.service")} == set(unit_names())
+
+
+@pytest.mark.parametrize("row", [row for row in PROCESSES if row.standby], ids=lambda row: row.name)
+def test_who_stands_by_is_run_like_who_works(row: Process) -> None:
+    working, standing_by = (read_unit(UNITS / f"motiondlo-{row.name}{tail}.service") for tail in ("", "-standby"))
+    assert dict(standing_by["Service"]) == dict(working["Service"])
+    assert dict(standing_by["Install"]) == dict(working["Install"])
 
 
 @pytest.mark.parametrize("row", PROCESSES, ids=lambda row: row.name)
@@ -41,8 +54,9 @@ def test_unit_follows_its_row(row: Process) -> None:
 
 
 def test_target_wants_every_daemon() -> None:
-    wants = read_unit(UNITS / "motiondlo.target")["Unit"]["Wants"].split()
-    assert sorted(wants) == sorted(f"motiondlo-{row.name}.service" for row in PROCESSES)
+    lines = (UNITS / "motiondlo.target").read_text(encoding="utf-8").splitlines()
+    wants = [name for line in lines if line.startswith("Wants=") for name in line.removeprefix("Wants=").split()]
+    assert sorted(wants) == sorted(unit_names())
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")

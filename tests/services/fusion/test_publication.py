@@ -10,7 +10,7 @@ from motiondlo.geometry.work_plane import plane_of_scale
 from motiondlo.messages.header import Stamp
 from motiondlo.messages.reject import Expectation
 from motiondlo.messages.state import StateMessage
-from motiondlo_services.fusion.publication import SegmentationHold, state_message
+from motiondlo_services.fusion.publication import Asked, SegmentationHold, state_message
 
 
 def fused() -> FusedState:
@@ -49,15 +49,15 @@ def test_without_a_scale_there_are_no_millimetres() -> None:
 
 def test_a_replay_holds_a_segmentation_until_its_latency_is_over() -> None:
     hold = SegmentationHold(latency_us=1_000_000)
-    hold.put(Segmentation(12_000, "first"), asked_us=-1)
-    assert [s.frame_name for s in hold.due(-1)] == ["first"], "the scene was at rest before the start"
-    hold.put(Segmentation(512_000, "later"), asked_us=500_000)
+    hold.put(Segmentation(12_000, "first"), Asked(1, -1))
+    assert [(s.frame_name, n) for s, n in hold.due(-1)] == [("first", 1)], "the scene was at rest before the start"
+    hold.put(Segmentation(512_000, "later"), Asked(2, 500_000))
     assert hold.due(1_511_999) == []
-    assert [s.frame_name for s in hold.due(1_512_000)] == ["later"]
+    assert [(s.frame_name, n) for s, n in hold.due(1_512_000)] == [("later", 2)]
     assert hold.due(9_000_000) == []
 
 
 def test_a_live_cell_holds_nothing() -> None:
     hold = SegmentationHold(latency_us=0)
-    hold.put(Segmentation(512_000, "now"), asked_us=500_000)
+    hold.put(Segmentation(512_000, "now"), Asked(1, 500_000))
     assert len(hold.due(500_000)) == 1

@@ -25,6 +25,10 @@ from motiondlo.tracking.types import Correction
 
 _FIELD_PX = 24.0
 _START_CORRELATION_PX = 120.0
+_BEND_PX = 3.0
+"""How hard uneven rates are held against a start in motion."""
+_VELOCITY_SIGMA_PX_MS = 0.5
+"""Of a velocity that was known a moment ago."""
 GAP_MS = 20.0
 """Longer steps are no motion that could be predicted."""
 
@@ -62,6 +66,8 @@ class CurveFilter:
         acceleration_covariance(self.jacobian, self._field, precision, ANGLE_FLOOR, acceleration)
         self.cov: FloatArray = self._first_covariance(correction, length, acceleration)
         self._first_cov = self.cov.copy()
+        if correction.velocity_px_s is not None:
+            self._start_moving(correction.velocity_px_s, acceleration)
         walks = np.zeros(CONSTANTS)
         walks[STRETCH] = p.stretch_walk**2
         self.curve = Curve(
@@ -97,6 +103,18 @@ class CurveFilter:
         for k in range(2):
             cov[2 * n + RATIO_A + k, 2 * n + RATIO_A + k] = max(p.height_ratio_sigma, 1e-4) ** 2
         return cov
+
+    def _start_moving(self, velocity_px_s: FloatArray, acceleration: FloatArray) -> None:
+        """The rates (n,) under which the curve moves nearest to a velocity of the shape (M, 2)."""
+        n = self.n
+        at = np.linspace(0.0, self.layout.length_px, len(velocity_px_s))
+        wanted = np.stack([np.interp(self.s_px, at, velocity_px_s[:, k]) for k in range(2)], axis=1) * 1e-3
+        bend = np.zeros((n - 4, n))
+        bend[:, 2:] = _BEND_PX * np.diff(np.eye(n - 2), 2, axis=0)
+        design = np.vstack([self.jacobian.reshape(-1, n), bend])
+        target = np.concatenate([wanted.reshape(-1), np.zeros(n - 4)])
+        self.x[n : 2 * n] = np.linalg.lstsq(design, target, rcond=None)[0]
+        self.cov[n : 2 * n, n : 2 * n] = acceleration * _VELOCITY_SIGMA_PX_MS**2
 
     def _precision(self, spread: FloatArray, correlation_px: float, nugget: float) -> FloatArray:
         s = self.s_px[self._field]

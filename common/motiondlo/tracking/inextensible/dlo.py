@@ -89,7 +89,7 @@ class InextensibleDlo(CurveFilter):
         self.unproved_px = 0.0
         self.background_per_ms = 0.0
         self.recent_speed = 0.0
-        self.frozen = True
+        self.frozen = correction.velocity_px_s is None
         self.fit_px = 0.0
         self._turn = 0
         self._revisions: list[tuple[int, int, FloatArray]] = []

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from motiondlo.frames.types import EndKind, FloatArray
 from motiondlo.geometry.curve import arc_length, point_at
@@ -57,6 +56,20 @@ def end_reach_px(kind: EndKind, params: InextensibleParams) -> float:
     return params.hidden_reach_px
 
 
+def cubic_basis(at: FloatArray, knots: FloatArray) -> FloatArray:
+    """(S, K) cubic B-splines over K + 4 knots at S places within them, by the recursion of Cox and de Boor.
+
+    Not scipy's: importing it takes a fifth of the time that a tracker needs to start.
+    """
+    basis = ((knots[:-1] <= at[:, None]) & (at[:, None] < knots[1:])).astype(np.float64)
+    for degree in range(1, 4):
+        rise, fall = knots[degree:-1] - knots[: -degree - 1], knots[degree + 1 :] - knots[1:-degree]
+        up = np.divide(at[:, None] - knots[: -degree - 1], rise, out=np.zeros((len(at), len(rise))), where=rise > 0)
+        down = np.divide(knots[degree + 1 :] - at[:, None], fall, out=np.zeros((len(at), len(fall))), where=fall > 0)
+        basis = up * basis[:, :-1] + down * basis[:, 1:]
+    return np.ascontiguousarray(basis)
+
+
 def make_layout(length_px: float, ends: tuple[EndKind, EndKind], params: InextensibleParams) -> Layout:
     """Samples and basis for a DLO of a length, continued beyond its ends as their kinds ask for."""
     before, after = end_reach_px(ends[0], params), end_reach_px(ends[1], params)
@@ -66,7 +79,7 @@ def make_layout(length_px: float, ends: tuple[EndKind, EndKind], params: Inexten
     count = int(np.clip(round(total / params.knot_px) + 3, 7, params.max_coefficients))
     knots = np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, count - 2), np.ones(3)])
     at = np.clip(np.linspace(0.0, 1.0, samples), 0.0, 1.0 - 1e-12)
-    basis = np.ascontiguousarray(BSpline.design_matrix(at, knots, 3).toarray())
+    basis = cubic_basis(at, knots)
     ds = total / (samples - 1)
     middle = round((before + 0.5 * length_px) / (STRIDE * ds)) * STRIDE
     return Layout(-before, ds, basis, int(np.clip(middle, 0, samples - 1)), length_px)

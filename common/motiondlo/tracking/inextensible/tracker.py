@@ -10,6 +10,7 @@ import numpy as np
 from motiondlo.events.buckets import EventBuckets
 from motiondlo.events.types import EventBatch, SensorGeometry
 from motiondlo.rejects import RejectReason
+from motiondlo.tracking.carrying import carried_correction
 from motiondlo.tracking.correction_gate import CorrectionGate
 from motiondlo.tracking.inextensible.curve_filter import GAP_MS
 from motiondlo.tracking.inextensible.dlo import InextensibleDlo
@@ -162,6 +163,7 @@ class InextensibleTracker:
 
     def _start(self, correction: Correction, now_us: int) -> None:
         before = self._dlos.get(correction.id)
+        correction = carried_correction(correction, now_us)
         dlo = InextensibleDlo(correction, self.params, self.geometry)
         dlo.reinitialised = 0 if before is None else before.reinitialised + 1
         self._dlos[correction.id] = dlo
