@@ -2,9 +2,10 @@
 
 from motiondlo.client import StateSubscriber
 
-with StateSubscriber("tcp/127.0.0.1:7450", "cell1") as cell:
+with StateSubscriber("tcp/127.0.0.1:7453", "cell1") as cell:
     for state in cell:
-        print(state.t_us, state.mode, [dlo.nodes for dlo in state.dlos])
+        for dlo in state.now():
+            print(dlo.id, dlo.nodes, dlo.sigma_px)
 """
 
 from __future__ import annotations
@@ -32,11 +33,13 @@ from motiondlo.topics import EVENTS_CLOCK, STATE
 FloatArray = npt.NDArray[np.float64]
 
 ACCELERATION_SIGMA_PX_S2 = 2000.0
-"""How hard a cable may be accelerated without our knowing: what makes extrapolations uncertain."""
+"""How hard a slow DLO may be accelerated without our knowing: what makes extrapolations uncertain."""
+ACCELERATION_SHARE_PER_S = 25.0
+"""And a fast one, px/s^2 per px/s: strokes of a robot begin and end within some 50 ms, whatever their speed."""
 
 
 class StateStale(MotionDLOError):
-    """No state within the time asked for."""
+    """No state within the time asked for, or only one that is too old to act upon."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,8 @@ class Extrapolation:
     """(M, 2) event px."""
     sigma_px: FloatArray
     """(M,) standard deviation, grown by what may have happened since."""
+    ahead_us: int = 0
+    """How far beyond the state's own time."""
 
 
 def extrapolate(state: StateMessage, t_us: int) -> tuple[Extrapolation, ...]:
@@ -55,14 +60,102 @@ def extrapolate(state: StateMessage, t_us: int) -> tuple[Extrapolation, ...]:
 
     Meant for the few milliseconds from a state to "now"; a time before the state is answered with the state itself.
     """
-    ahead_s = max(0, t_us - state.t_us) * 1e-6
-    return tuple(_ahead(dlo, ahead_s) for dlo in state.dlos)
+    ahead_us = max(0, t_us - state.t_us)
+    return tuple(_ahead(dlo, ahead_us) for dlo in state.dlos)
 
 
-def _ahead(dlo: StateDlo, ahead_s: float) -> Extrapolation:
-    nodes = dlo.nodes.astype(np.float64) + ahead_s * dlo.velocity_px_s
-    grown = 0.5 * ACCELERATION_SIGMA_PX_S2 * ahead_s**2
-    return Extrapolation(dlo.id, nodes, np.hypot(dlo.sigma_px.astype(np.float64), grown))
+def _ahead(dlo: StateDlo, ahead_us: int) -> Extrapolation:
+    ahead_s = ahead_us * 1e-6
+    velocity = dlo.velocity_px_s.astype(np.float64)
+    nodes = dlo.nodes.astype(np.float64) + ahead_s * velocity
+    fastest = float(np.hypot(*velocity.T).max(initial=0.0))
+    acceleration = ACCELERATION_SIGMA_PX_S2 + ACCELERATION_SHARE_PER_S * fastest
+    grown = 0.5 * acceleration * ahead_s**2
+    return Extrapolation(dlo.id, nodes, np.hypot(dlo.sigma_px.astype(np.float64), grown), ahead_us)
+
+
+@dataclass(frozen=True)
+class CellState:
+    """One state as it was received, with its freshness and its future.
+
+    Freshness is told by this host's monotonic clock, at the time of asking.
+    """
+
+    message: StateMessage
+    """The state itself: every field of the contract."""
+    received_ns: int
+    """Host monotonic time of arrival."""
+    entered_ns: int
+    """Host monotonic time at which the newest event used entered the system; of arrival, where the cell's clock is
+    another host's."""
+    stale_ms: float
+    """Age from which it is stale."""
+    clock: ClockMessage | None = None
+    """How event time maps to the host's clock, where ingest has said so."""
+
+    @property
+    def t_us(self) -> int:
+        """Event time that the estimate is for."""
+        return self.message.t_us
+
+    @property
+    def mode(self) -> str:
+        """BOOT, STATIC, MOTION or DEGRADED."""
+        return self.message.mode
+
+    @property
+    def dlos(self) -> tuple[StateDlo, ...]:
+        """Every DLO at :attr:`t_us`."""
+        return self.message.dlos
+
+    @property
+    def degraded(self) -> bool:
+        """Whether the cell says that something this state rests on is missing or failing, or knows no DLO yet."""
+        return self.message.mode in ("DEGRADED", "BOOT")
+
+    def age_ms_at(self, host_ns: int) -> float:
+        """Age at a host monotonic time, ms."""
+        return (host_ns - self.entered_ns) / 1e6
+
+    @property
+    def age_ms(self) -> float:
+        """Milliseconds since the newest event used entered the system (same host), else since the state arrived."""
+        return self.age_ms_at(time.monotonic_ns())
+
+    @property
+    def stale(self) -> bool:
+        """Whether it is too old to act upon."""
+        return self.age_ms > self.stale_ms
+
+    def event_us(self, host_ns: int) -> int:
+        """Event time at a host monotonic time, by the cell's clock.
+
+        Where the clock is not known, by this state's own newest event: late by what that event took to come in.
+        """
+        if self.clock is not None:
+            return self.clock.event_us(host_ns)
+        return self.message.t_us + (host_ns - self.entered_ns) // 1000
+
+    def at(self, t_us: int, allow_stale: bool = False) -> tuple[Extrapolation, ...]:
+        """All DLOs at the event time ``t_us``: :func:`extrapolate`.
+
+        Raises StateStale for a time farther ahead of the state than a state may be old, unless ``allow_stale``.
+        """
+        ahead_ms = (t_us - self.message.t_us) / 1e3
+        if ahead_ms > self.stale_ms and not allow_stale:
+            raise StateStale(
+                f"The newest state is for {ahead_ms:.0f} ms before the time asked for, {self.stale_ms:g} ms at most.",
+                "Wait for the next state, or pass allow_stale=True.",
+            )
+        return extrapolate(self.message, t_us)
+
+    def at_host(self, host_ns: int, allow_stale: bool = False) -> tuple[Extrapolation, ...]:
+        """All DLOs at a time of this host's monotonic clock. Raises as :meth:`at`."""
+        return self.at(self.event_us(host_ns), allow_stale)
+
+    def now(self, allow_stale: bool = False) -> tuple[Extrapolation, ...]:
+        """All DLOs now. Raises as :meth:`at`."""
+        return self.at_host(time.monotonic_ns(), allow_stale)
 
 
 class StateSubscriber:
@@ -96,12 +189,13 @@ class StateSubscriber:
         )
         self._name, self._stale_ms = name, stale_ms
         self._stack = ExitStack()
-        self._newest: StateMessage | None = None
-        self._received_ns = -1
+        self._newest: CellState | None = None
+        self._clock: ClockMessage | None = None
 
     def __enter__(self) -> Self:
         self._bus = self._stack.enter_context(open_bus(self._config, self._name))
         self._subscriber = self._bus.subscriber(STATE)
+        self._clocks = self._bus.subscriber(EVENTS_CLOCK) if self._config.same_host else None
         return self
 
     def __exit__(
@@ -109,45 +203,54 @@ class StateSubscriber:
     ) -> None:
         self._stack.close()
 
-    def newest(self) -> StateMessage | None:
-        """The newest state, without waiting; None before the first. It may be old: see :attr:`age_ms`."""
-        self._remember(self._subscriber.newest())
+    def newest(self, allow_stale: bool = False) -> CellState:
+        """The newest state, without waiting.
+
+        Raises StateStale if there is none yet, or if it is stale and ``allow_stale`` is not set.
+        """
+        message = self._subscriber.newest()
+        if message is not None:
+            self._remember(message)
+        if self._newest is None:
+            raise StateStale(f"No state of cell {self._config.cell} yet.", "Is fusion running?")
+        if not allow_stale and self._newest.stale:
+            raise StateStale(
+                f"The newest state of cell {self._config.cell} is {self._newest.age_ms:.0f} ms old, "
+                f"{self._stale_ms:g} ms at most.",
+                "See what the cell's health says, or pass allow_stale=True.",
+            )
         return self._newest
 
-    def next(self, timeout_s: float = 1.0) -> StateMessage:
+    def next(self, timeout_s: float = 1.0) -> CellState:
         """The next state that arrives. Raises StateStale if none comes within ``timeout_s``."""
-        state = self._subscriber.recv(timeout_s)
-        if state is None:
+        message = self._subscriber.recv(timeout_s)
+        if message is None:
             raise StateStale(f"No state of cell {self._config.cell} within {timeout_s:g} s.", "Is fusion running?")
-        self._remember(state)
-        return state
+        return self._remember(message)
 
-    def __iter__(self) -> Iterator[StateMessage]:
+    def __iter__(self) -> Iterator[CellState]:
         """Every state, for ever; a silent cell is waited for."""
         while True:
-            state = self._subscriber.recv(1.0)
-            if state is not None:
-                self._remember(state)
-                yield state
+            message = self._subscriber.recv(1.0)
+            if message is not None:
+                yield self._remember(message)
 
-    def _remember(self, state: StateMessage | None) -> None:
-        if state is not None:
-            self._newest, self._received_ns = state, time.monotonic_ns()
+    def _remember(self, message: StateMessage) -> CellState:
+        received_ns = time.monotonic_ns()
+        if self._clocks is not None:
+            self._clock = self._clocks.newest() or self._clock
+        entered_ns = message.t_ingest_ns if self._config.same_host else received_ns
+        self._newest = CellState(message, received_ns, entered_ns, self._stale_ms, self._clock)
+        return self._newest
 
     @property
     def age_ms(self) -> float:
-        """Milliseconds since the newest event used entered the system (same host), else since the state arrived.
-
-        Infinite before the first state.
-        """
-        if self._newest is None:
-            return float("inf")
-        since_ns = self._newest.t_ingest_ns if self._config.same_host else self._received_ns
-        return (time.monotonic_ns() - since_ns) / 1e6
+        """Age of the newest state received: :attr:`CellState.age_ms`; infinite before the first."""
+        return float("inf") if self._newest is None else self._newest.age_ms
 
     @property
     def stale(self) -> bool:
-        """Whether the newest state is too old to act upon."""
+        """Whether the newest state received is too old to act upon."""
         return self.age_ms > self._stale_ms
 
     @property
@@ -155,7 +258,7 @@ class StateSubscriber:
         """From the entry of the newest event used to the arrival of the newest state, ms (same host); NaN before it."""
         if self._newest is None or not self._config.same_host:
             return float("nan")
-        return (self._received_ns - self._newest.t_ingest_ns) / 1e6
+        return (self._newest.received_ns - self._newest.entered_ns) / 1e6
 
     def last_value(self, timeout_s: float = 1.0) -> StateMessage | None:
         """The cell's newest state by query, for programs that look once; None if there is none."""
@@ -165,13 +268,14 @@ class StateSubscriber:
             return None
 
     def clock(self, timeout_s: float = 1.0) -> ClockMessage | None:
-        """How event time maps to the host's clock now; None if ingest does not answer."""
-        return self._bus.last_value(EVENTS_CLOCK, timeout_s=timeout_s)
+        """How event time maps to the host's clock now, for all states from now on; None if ingest does not answer."""
+        answer = self._bus.last_value(EVENTS_CLOCK, timeout_s=timeout_s)
+        self._clock = answer or self._clock
+        return answer
 
-    def at(self, t_us: int) -> tuple[Extrapolation, ...]:
-        """All DLOs at the event time ``t_us``, from the newest state (empty before it): :func:`extrapolate`."""
-        state = self.newest()
-        return () if state is None else extrapolate(state, t_us)
+    def at(self, t_us: int, allow_stale: bool = False) -> tuple[Extrapolation, ...]:
+        """All DLOs at the event time ``t_us``, from the newest state. Raises as :meth:`newest` and `CellState.at`."""
+        return self.newest(allow_stale).at(t_us, allow_stale)
 
     def status(self) -> InputStatus:
         """Rate, losses, refusals."""

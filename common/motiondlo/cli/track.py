@@ -7,6 +7,9 @@ from pathlib import Path
 
 from motiondlo.cli.track_arguments import PROFILES, add_loop_arguments, options_of
 
+# Named here too, so that --help needs no heavy imports; a test holds them together.
+WRONG_SHAPES = ("mirrored", "shifted", "merged", "swapped", "shortened", "extra")
+
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Arguments of ``motiondlo track``."""
@@ -16,6 +19,12 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--profile", choices=PROFILES, default="default", help="tracker: ours (default), or the paper's"
     )
     add_loop_arguments(parser)
+    debugging = parser.add_argument_group("debugging")
+    debugging.add_argument(
+        "--wrong-segmentation",
+        choices=WRONG_SHAPES,
+        help="make every shape after the first frame's wrong, to see what becomes of the tracks",
+    )
 
 
 def run(args: Namespace) -> int:
@@ -26,11 +35,16 @@ def run(args: Namespace) -> int:
     from motiondlo.cli.progress import progress_bar
     from motiondlo.cli.tables import console
     from motiondlo.offline.run_track import prepare, rows_of
+    from motiondlo.offline.wrong_segmentation import WrongShape, with_wrong_shapes
     from motiondlo.recording.layout import open_recording
 
     check_writable(args.out)
     recording = open_recording(args.recording)
-    track_run = prepare(recording, options_of(args, args.profile))
+    changed = None
+    if args.wrong_segmentation:
+        info = recording.camera_info
+        changed = with_wrong_shapes(WrongShape(args.wrong_segmentation), info.px_per_mm)
+    track_run = prepare(recording, options_of(args, args.profile), changed)
     began = perf_counter()
     with progress_bar(f"tracking {recording.name}", args.quiet) as progress:
         tracks = rows_of(track_run.states(progress))

@@ -35,7 +35,7 @@ def normal_sigma_px(track: TrackState) -> FloatArray:
     normals = left_normals(tangents(track.nodes))
     xx, xy, yy = track.cov_px2.T
     variance = normals[:, 0] ** 2 * xx + 2 * normals[:, 0] * normals[:, 1] * xy + normals[:, 1] ** 2 * yy
-    return np.sqrt(np.maximum(variance, 0.0))
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
 def mahalanobis(curve: FloatArray, sigma_px: FloatArray, track: TrackState) -> float:
@@ -104,9 +104,7 @@ class Judge:
             return ends
         near = 2.0 * max(track.diameter_px, self.params.tangent_sigma_px)
         kept = [
-            kind
-            if kind is not EndKind.TIP or np.hypot(*(curve[k] - track.nodes[k])) <= near
-            else EndKind.HIDDEN
+            kind if kind is not EndKind.TIP or np.hypot(*(curve[k] - track.nodes[k])) <= near else EndKind.HIDDEN
             for k, kind in zip((0, -1), ends, strict=True)
         ]
         return kept[0], kept[1]

@@ -58,6 +58,11 @@ class HybridLoop:
         self.failures: list[str] = []
         self.rejects = RejectCounter()
 
+    @property
+    def refused_shapes(self) -> dict[str, int]:
+        """Shapes that fusion did not use, per reason."""
+        return self._fusion.rejects.as_dict()
+
     def start(self, now_us: int) -> None:
         """Before the first batch, which begins at ``now_us``: the first frame's segmentation is there."""
         if self._branch is None or not self._branch.frames:

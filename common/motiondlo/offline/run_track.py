@@ -51,6 +51,7 @@ class TrackRun:
         counts = {
             "damage in events.raw": {kind: n for kind, n in self.events.damage.items() if n},
             "frames not used": {reason.value: n for reason, n in self.recording.rejects.items()},
+            "shapes refused": self.loop.refused_shapes,
             "corrections refused": self.loop.rejects.as_dict(),
         }
         lines = [

@@ -14,6 +14,8 @@ import numpy.typing as npt
 
 from motiondlo.frames.types import EndKind, Instance, Segmentation
 from motiondlo.geometry.curve import arc_length, left_normals, resample, tangents
+from motiondlo.offline.hybrid_loop import FrameBranch
+from motiondlo.recording.layout import FrameEntry
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -36,6 +38,26 @@ class WrongShape(StrEnum):
     """Ends too early, with a tip where there is none."""
     EXTRA = "extra"
     """Right, and one DLO more that does not exist."""
+
+
+SHIFT_MM = 10.0
+DEFAULT_PX_PER_MM = 5.0
+
+
+def with_wrong_shapes(kind: WrongShape, px_per_mm: float | None) -> Callable[[FrameBranch], FrameBranch]:
+    """A change of a frame branch: all shapes are wrong but those of its first frame, with which tracking begins."""
+    shift_px = SHIFT_MM * (px_per_mm or DEFAULT_PX_PER_MM)
+
+    def changed(branch: FrameBranch) -> FrameBranch:
+        first_us = branch.frames[0].t_us
+
+        def segment(entry: FrameEntry) -> Segmentation:
+            right = branch.segment(entry)
+            return right if entry.t_us == first_us else wrong_segmentation(right, kind, shift_px)
+
+        return replace(branch, segment=segment)
+
+    return changed
 
 
 def wrong_segmentation(segmentation: Segmentation, kind: WrongShape, shift_px: float) -> Segmentation:

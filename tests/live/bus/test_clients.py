@@ -33,9 +33,14 @@ def test_the_client_follows_the_state(worker: Callable[..., Process], endpoints:
         assert 0.0 < cell.latency_ms < 100.0
         asked = cell.last_value()
         assert asked is not None
-        assert asked.seq >= states[-1].seq
-        (dlo,) = cell.at(states[-1].t_us + 1_000_000)
+        assert asked.seq >= states[-1].message.seq
+        with pytest.raises(StateStale, match="ms before the time asked for"):
+            states[-1].at(states[-1].t_us + 1_000_000)
+        (dlo,) = cell.at(states[-1].t_us + 1_000_000, allow_stale=True)
         assert dlo.nodes.shape == (50, 2)
+        assert dlo.ahead_us <= 1_000_000, "carried on from the newest state"
+        (now,) = cell.next().now()
+        assert now.ahead_us < 100_000
 
 
 def test_the_client_reaches_through_one_peer_what_another_sends(
@@ -84,10 +89,35 @@ def test_a_silent_cell_is_stale_and_says_so(worker: Callable[..., Process], endp
     with StateSubscriber(endpoints["one"], CELL) as cell:
         with pytest.raises(StateStale, match="fusion"):
             cell.next(timeout_s=0.1)
-        assert cell.newest() is None
+        with pytest.raises(StateStale, match="yet"):
+            cell.newest()
         assert cell.stale
         assert cell.last_value(timeout_s=0.2) is None
-        assert cell.at(0) == ()
+        with pytest.raises(StateStale):
+            cell.at(0)
+
+
+def test_a_state_that_has_become_old_is_refused_unless_asked_for(
+    worker: Callable[..., Process], endpoints: dict[str, str]
+) -> None:
+    worker("publish", "one", name="state", hz=50)
+    with StateSubscriber(endpoints["one"], CELL, stale_ms=0.0) as cell:
+        state = cell.next(timeout_s=5.0)
+        assert state.stale
+        with pytest.raises(StateStale, match="allow_stale"):
+            cell.newest()
+        assert cell.newest(allow_stale=True).t_us >= state.t_us
+
+
+def test_the_example_of_the_client_follows_the_cables(
+    worker: Callable[..., Process], run: Callable[[list[str]], Process], endpoints: dict[str, str]
+) -> None:
+    worker("publish", "one", name="state", hz=50)
+    example = run([sys.executable, str(EXAMPLE.with_name("follow_cables.py")), endpoints["one"], CELL])
+    _, ahead_us, dlo_id, _, y, sigma_px = example.line().split()
+    assert (dlo_id, y) == ("1", "300.0")
+    assert 0 <= int(ahead_us) < 100_000
+    assert float(sigma_px) >= 1.0
 
 
 def test_an_absent_cell_is_an_error_that_says_so(endpoints: dict[str, str]) -> None:

@@ -131,8 +131,8 @@ def publish_nodes(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Equidistant nodes from ``lo_px`` to ``hi_px`` with rates (px/s), covariance (xx, xy, yy) and visibility.
 
-    bias_px, bias_tangent_px: what all nodes may have in common, normal and along; bias_end_px: what the curve may be off
-    across at its ends, where nothing beyond holds it, fading over bias_end_reach_px inwards.
+    bias_px, bias_tangent_px: what all nodes may have in common, normal and along; bias_end_px: what the curve may be
+    off across at its ends, where nothing beyond holds it, fading over bias_end_reach_px inwards.
     nodes, velocity: (M, 2), covariance: (M, 3), visible: (M,) uint8. Returns the largest speed in px/s.
     """
     count = nodes.shape[0]
