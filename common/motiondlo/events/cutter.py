@@ -55,7 +55,7 @@ class BatchCutter:
         self.period_us = period_us
         self._start_us = start_us // period_us * period_us
         self._t0_us = self._start_us
-        self._begun = False
+        self._begun = self._given = False
         self._events: list[EventArray] = []
         self._triggers: list[TriggerArray] = []
         self._lost = 0
@@ -92,7 +92,7 @@ class BatchCutter:
             events = _take_before(self._events, t1_us) if self._events else empty_events()
             triggers = _take_before(self._triggers, t1_us) if self._triggers else empty_triggers()
             batch = EventBatch(self._t0_us, t1_us, events, triggers, self._lost)
-            self._lost, self._t0_us = 0, t1_us
+            self._lost, self._t0_us, self._given = 0, t1_us, True
             yield batch
 
     def _begin(self, now_us: int) -> bool:
@@ -104,6 +104,8 @@ class BatchCutter:
             if first_us > self._start_us + FIRST_EVENT_LATE_US:
                 self._t0_us = first_us // self.period_us * self.period_us
             self._begun = True
+        if not self._given:
+            # The start may lie many pushes ahead.
             for parts in (self._events, self._triggers):
                 if parts:
                     _take_before(parts, self._t0_us)

@@ -39,8 +39,8 @@ class WidthSearch:
 
     reach_w: float = 0.45
     """How far from the skeleton the centre may be, widths of the mask."""
-    factors: tuple[float, ...] = tuple(0.76 + 0.04 * k for k in range(14))
-    """Widths that are tried, widths of the mask."""
+    factors: tuple[float, ...] = tuple(0.76 + 0.04 * k for k in range(14)) + tuple(1.36 + 0.08 * k for k in range(10))
+    """Widths that are tried, widths of the mask: of a DLO of the board's hue it holds the lit flank alone."""
     outer_share: float = 1.0
     """The widest pair of edges is taken whose strength is this share of the strongest pair's: highlights and the
     terminator between a bright and a dark flank have edges too, but the outer ones are the DLO's."""
@@ -49,7 +49,7 @@ class WidthSearch:
 USUAL = WidthSearch()
 FAINT = WidthSearch(0.75, tuple(0.44 + 0.04 * k for k in range(24)), 0.9)
 """The mask holds the shadow as well."""
-WIRE = WidthSearch(0.6, tuple(0.5 + 0.1 * k for k in range(20)), 0.8)
+WIRE = WidthSearch(0.6, tuple(0.5 + 0.1 * k for k in range(20)), 0.85)
 """The mask is two or three pixels wide; a highlight is as strong as the wire."""
 
 

@@ -27,7 +27,7 @@ _PERSIST_PX = 8
 _LEAST_CHANGE = 11.0
 """Image codes."""
 _EDGES_FROM_W = 3.0
-_SHADE = (0.72, 1.06)
+_SHADE = (0.55, 1.06)
 """Range of codes under a cast shadow over codes in the light (codes grow with the 2.2th root of light)."""
 _SHADE_COST = 0.25
 

@@ -11,7 +11,7 @@ from motiondlo.frames.appearance import sample_appearance
 from motiondlo.frames.edges import refine_centreline
 from motiondlo.frames.end_kinds import EndView, classify_end
 from motiondlo.frames.merging import SegmentEnd, bezier_bridge, connect
-from motiondlo.frames.params import FrameParams
+from motiondlo.frames.params import FrameParams, InstanceParams
 from motiondlo.frames.polyline_fit import fit_spline
 from motiondlo.frames.segments import Segment
 from motiondlo.frames.strip import Scene
@@ -160,6 +160,21 @@ def score_dlo(dlo: Dlo, params: FrameParams) -> float:
     slender = float(np.clip((length_w - 2.0) / (2.0 * params.instance.min_length_w - 2.0), 0.0, 1.0))
     steady = float(np.clip(1.0 - dlo.width_spread / (params.instance.max_width_spread * dlo.width), 0.0, 1.0))
     return float(np.clip(dlo.edge_support, 0.0, 1.0) * slender * steady)
+
+
+def is_block(dlo: Dlo, params: InstanceParams) -> bool:
+    """Whether it is a part of a gripper rather than a DLO: short for its width, as straight as only rigid things are,
+    attached to something at one end, and without a tip at the other.
+    """
+    if EndKind.HELD not in dlo.ends or EndKind.TIP in dlo.ends:
+        return False
+    length = float(arc_length(dlo.centre)[-1])
+    if length >= params.block_length_w * dlo.width:
+        return False
+    around = dlo.centre - dlo.centre.mean(axis=0)
+    across = np.linalg.svd(around, full_matrices=False)[2][1]
+    # Most of it: its followed ends may wander.
+    return float(np.percentile(np.abs(around @ across), 85.0)) < params.block_straightness * length
 
 
 def make_instance(

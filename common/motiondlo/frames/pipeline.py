@@ -16,7 +16,7 @@ from motiondlo.frames.classical import ClassicalBackend, segment_board
 from motiondlo.frames.colour import Image
 from motiondlo.frames.edges import FAINT, USUAL, WIRE, WidthSearch
 from motiondlo.frames.faint import faint_mask, is_body, taken_mask
-from motiondlo.frames.instances import Dlo, classify_ends, join_segments, make_instance, score_dlo
+from motiondlo.frames.instances import Dlo, classify_ends, is_block, join_segments, make_instance, score_dlo
 from motiondlo.frames.mask_cleaning import adaptive_closing, clean_mask, remove_small
 from motiondlo.frames.masks import Mask, MaskSet, fit_mask, union
 from motiondlo.frames.params import FrameParams
@@ -109,6 +109,8 @@ def segment_frame(
         segments += find_thin(scene, segments, masks.obstacles, params)
         times.lap("thin")
     dlos = assemble_dlos(scene, segments, params)
+    if isinstance(backend, ClassicalBackend):
+        dlos = [(score, dlo) for score, dlo in dlos if not is_block(dlo, params.instance)]
     times.lap("join")
     sharp = [(score, dlo) for score, dlo in dlos if not is_smeared(dlo.edge_blur, scene, params)]
     instances = tuple(make_instance(scene, dlo, event_from_rgb, score, params) for score, dlo in sharp)
@@ -170,7 +172,8 @@ def measure_chains(
             segments.append(segment)
         else:
             smeared |= is_smeared(segment.edge_blur, scene, params)
-    return without_overlaps(without_repeats(segments)), smeared
+    # An end that was followed over the next piece must not make the two look like one seen twice.
+    return without_overlaps(without_repeats(without_overlaps(segments))), smeared
 
 
 def find_faint(scene: Scene, found: list[Segment], obstacles: Mask | None, params: FrameParams) -> list[Segment]:

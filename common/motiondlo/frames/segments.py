@@ -25,9 +25,12 @@ _TRIM_W = 2.0
 towards a jaw two widths before a gripper."""
 _MAX_TRIM_SHARE = 0.22
 _REPEATED_SHARE = 0.5
+_LEAST_REST_W = 2.0
+_SURE_SUPPORT = 0.75
 _SEARCH_WIDE_W = 2.5
 _WIDER = 1.22
-_REACH_W = 10.0
+_REACH_W, _REACH = 10.0, 0.08
+"""How far an end is followed: the larger of widths and shares of the image's width."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +78,12 @@ def measure_segment(
         if params.refine
         else _unrefined(smooth, width)
     )
+    if params.refine and search.outer_share < 1.0 and refined.edge_support < _SURE_SUPPORT:
+        # The outer pair may be a shadow's.
+        strongest = refine_centreline(
+            scene, smooth, width, params.refine_rounds, params.smooth_length_w, replace(search, outer_share=1.0)
+        )
+        refined = strongest if strongest.edge_support > refined.edge_support else refined
     if screen is not None and not screen(scene, refined):
         return None
     return follow_both_ends(scene, refined)
@@ -83,7 +92,8 @@ def measure_segment(
 def follow_both_ends(scene: Scene, refined: RefinedCurve) -> Segment:
     """Extend (or cut back) a refined centreline to where the DLO ends."""
     palette = learn_palette(scene, refined.centre, refined.width)
-    centre, sigma, ends = _extend(scene, refined.centre, refined.sigma, palette, _REACH_W * refined.width)
+    reach_px = max(_REACH_W * refined.width, _REACH * scene.size[0])
+    centre, sigma, ends = _extend(scene, refined.centre, refined.sigma, palette, reach_px)
     return Segment(
         centre,
         sigma,
@@ -150,7 +160,8 @@ def without_overlaps(segments: list[Segment]) -> list[Segment]:
         near, place = _along(result[i], result[j])
         for side in (0, 1):
             cut = _overlap(near, place, side, result[i], result[j])
-            if cut > 0.0:
+            # What would be left of a piece that lies on the other one altogether is no piece.
+            if 0.0 < cut < result[i].length - _LEAST_REST_W * result[i].width:
                 centre, sigma = _cut(result[i].centre, result[i].sigma, side, cut)
                 result[i] = replace(result[i], centre=centre, sigma=sigma)
                 break

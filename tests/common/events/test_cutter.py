@@ -78,6 +78,11 @@ def test_nothing_at_all_gives_no_batch() -> None:
     assert cut(BatchCutter(1000), (empty_events(), -1)) == []
 
 
+def test_a_start_that_lies_many_pieces_ahead_begins_with_its_own_batch() -> None:
+    batches = cut(BatchCutter(1000, 5000), (at(100, 900), 1000), (at(2500, 4999), 5000), (at(5001, 6200), 7000))
+    assert [(b.t0_us, b.events["t"].tolist()) for b in batches] == [(5000, [5001]), (6000, [6200])]
+
+
 def test_a_period_must_be_positive() -> None:
     with pytest.raises(ValueError, match="period_us"):
         BatchCutter(0)

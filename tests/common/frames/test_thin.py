@@ -30,7 +30,7 @@ def print_lines(board):
     board.plate = board.light.copy()
 
 
-@pytest.mark.parametrize("bgr", [BLACK, WHITE, (0.1, 0.1, 0.5)])
+@pytest.mark.parametrize("bgr", [BLACK, (0.1, 0.1, 0.5), (0.6, 0.2, 0.1)])
 def test_a_wire_on_a_board_with_lines_is_found_from_tip_to_tip(make_board, curves, bgr):
     board = make_board(GREY)
     print_lines(board)
@@ -78,3 +78,13 @@ def test_light_that_changes_slowly_is_no_ridge(make_board):
     board.light = board.light * (1.0 + 0.3 * np.sin(np.linspace(0.0, 12.0, 648)))[None, :, None]
     model = model_board(board.photograph(), board.photograph_plate(), FrameParams().foreground)
     assert float(np.percentile(ridge_strength(model), 99.9)) < 0.1
+
+
+def test_a_straight_block_that_is_held_is_no_dlo(make_board, curves):
+    board = make_board(GREY)
+    wire = board.cable(curves["wave"](200, 560, 240, 50), 3.0, BLACK)
+    board.box(60, 222, 110, 24, (0.8, 0.8, 0.8))
+    board.box(150, 200, 55, 70, (0.15, 0.15, 0.15))
+    (found,) = segment(board).instances
+    assert distance_to_curve(found.nodes_rgb, wire).mean() < 0.6
+    assert EndKind.HELD in found.ends

@@ -84,7 +84,9 @@ class InextensibleTracker:
         ]
         # Events older than the prediction can bridge are worth little: batches are taken in steps.
         step_ms = self.params.slow_step_ms if self._slow(awake) else self.params.step_ms
-        steps = 1 if span_ms > GAP_MS or not awake else max(1, math.ceil(span_ms / step_ms - 1e-6))
+        # Across missing batches one step is predicted: shorter ones would take their silence for rest.
+        missing = 0 <= self._t_us < batch.t0_us
+        steps = 1 if missing or span_ms > GAP_MS or not awake else max(1, math.ceil(span_ms / step_ms - 1e-6))
         edges_us, cuts = [since_us, batch.t1_us], [0, len(events)]
         if steps > 1:
             edges_us = np.linspace(since_us, batch.t1_us, steps + 1).astype(np.int64).tolist()
