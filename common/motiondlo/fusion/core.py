@@ -26,6 +26,7 @@ from motiondlo.tracking.types import Correction, CorrectionKind, TrackState, Tra
 FloatArray = npt.NDArray[np.float64]
 
 _BEFORE_ALL_US = -(1 << 60)
+_LOSS_SHOWS_US = 30_000
 
 
 @dataclass
@@ -59,6 +60,7 @@ class FusionCore:
         self._due: list[Correction] = []
         self._retired: set[int] = set()
         self._handover = Handover()
+        self._missed_us = _BEFORE_ALL_US
         self._now_us = -1
         self._waited_us = 0
         self.degraded_reason = ""
@@ -66,8 +68,10 @@ class FusionCore:
 
     # -- track updates ------------------------------------------------------------------------------------------------
 
-    def on_track(self, update: TrackUpdate) -> FusedState:
-        """Take the tracker's newest update; the state at its time."""
+    def on_track(self, update: TrackUpdate, whole: bool = True) -> FusedState:
+        """Take the tracker's newest update; the state at its time. ``whole``: it rests on all events there were."""
+        if not whole:
+            self._missed_us = update.t_us
         before_us, self._now_us = self._now_us, update.t_us
         self._adopt(update, before_us)
         update = replace(update, tracks=self._handover.complete(update.tracks, update.t_us))
@@ -118,6 +122,8 @@ class FusionCore:
                 self._requests.want("refresh", update.t_us, frozenset(track.id for track in update.tracks))
 
     def _why_degraded(self, update: TrackUpdate) -> str:
+        if 0 <= update.t_us - self._missed_us < _LOSS_SHOWS_US:
+            return "more events than this machine can follow: some are left out"
         if self._requests.failures_in_a_row >= self._params.degraded_after_failures:
             return f"segmentation failed {self._requests.failures_in_a_row} times in a row"
         weak = [track.id for track in update.tracks if track.confidence < self._params.degraded_confidence]

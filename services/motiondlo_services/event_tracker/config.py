@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from motiondlo.tracking.backlog import MOST_MERGED, MOST_WAITING, PATIENCE
+from motiondlo_services.event_tracker.core import MOST_EVENTS
 
 
 class EventTrackerConfig(BaseModel):
@@ -32,4 +33,10 @@ class EventTrackerConfig(BaseModel):
         ge=1,
         le=10_000,
         description="beyond so many waiting batches the oldest are dropped, and counted",
+    )
+    most_events: int = Field(
+        default=MOST_EVENTS,
+        ge=100,
+        le=1_000_000,
+        description="while several batches wait, those with more events are thinned to about so many, and counted",
     )

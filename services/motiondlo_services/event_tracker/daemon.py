@@ -37,10 +37,11 @@ def serve(shell: Shell, bus: Bus) -> None:
         config.patience,
         config.most_merged,
         config.most_waiting,
+        config.most_events,
     )
 
     # Bus.
-    batches = bus.subscriber(EVENTS_BATCH)
+    batches = bus.subscriber(EVENTS_BATCH, queue=max(config.most_waiting - config.most_merged, 1))
     corrections = bus.subscriber(CORRECTION)
     tracks = bus.publisher(TRACK)
     inheritance = Inheritance(time.monotonic_ns())
@@ -62,15 +63,20 @@ def serve(shell: Shell, bus: Bus) -> None:
             for old in superseded:
                 core.rejects.count(RejectReason.SUPERSEDED, old.source)
             corrected = take(wanted) or corrected or bool(superseded)
-        while (message := batches.recv()) is not None:
+        # No more is decoded than one publication takes: what waits behind it may be dropped without any work, and
+        # batches that take longer to read than to arrive must not keep this loop from tracking.
+        while core.waiting < config.most_merged and (message := batches.recv()) is not None:
             core.push(message.to_batch(lost_on_the_way=batches.lost_before), message.t_ingest_ns)
         step = core.step()
         if step is not None:
             tracks.put(TrackMessage.from_update(step.update, step.t_ingest_ns, valid=step.whole))
             shell.t_us = batches.horizon_us = step.update.t_us
             shell.latency("update", time.monotonic_ns() - step.t_ingest_ns)
+        changed = core.overloaded != (shell.lifecycle == "degraded")
+        shell.lifecycle = "degraded" if core.overloaded else "running"
+        shell.problems = ("more events than this machine can follow: some are left out",) if core.overloaded else ()
         shell.take_over(core.counts)
-        shell.tick({"tracks": core.tracks, "queue": core.waiting}, core.rejects.as_dict(), now=corrected)
+        shell.tick({"tracks": core.tracks, "queue": core.waiting}, core.rejects.as_dict(), now=corrected or changed)
 
 
 def main() -> int:

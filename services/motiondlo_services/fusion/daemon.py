@@ -42,7 +42,7 @@ def serve(shell: Shell, bus: Bus) -> None:
     shell.ready()
 
     def on_track(message: TrackMessage) -> None:
-        state = core.on_track(message.to_update())
+        state = core.on_track(message.to_update(), message.valid)
         states.put(state_message(state, message.t_ingest_ns, work_plane))
         shell.latency("state", time.monotonic_ns() - message.t_ingest_ns)
         shell.counts["states"] += 1

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
@@ -279,3 +281,34 @@ def test_sigma_in_the_state_is_along_the_normal() -> None:
     state = core.on_track(update(1000, track(0, line(200.0))))
     np.testing.assert_allclose(state.dlos[0].sigma_px, 3.0)
     assert abs(state.dlos[0].length_px - 400.0) < 1e-9
+
+
+def test_RESTARTED_tracker_gets_a_moving_dlo_back_with_its_motion_and_the_state_never_lacks_it() -> None:
+    core, nodes = booted()
+    velocity = np.tile([0.0, 800.0], (len(nodes), 1))
+    moving = replace(track(0, nodes, moving=True), velocity_px_s=velocity)
+    core.on_track(update(1_000_000, moving))
+    assert core.corrections_due() == ()
+    state = core.on_track(update(1_050_000))
+    assert [dlo.id for dlo in state.dlos] == [0]
+    np.testing.assert_allclose(state.dlos[0].nodes, nodes + np.array([0.0, 40.0]))
+    assert state.dlos[0].source == TrackSource.PREDICTED
+    (given_back,) = core.corrections_due()
+    assert given_back.kind is CorrectionKind.REINITIALISE
+    assert (given_back.t_us, given_back.not_before_us) == (1_000_000, -1)
+    np.testing.assert_array_equal(given_back.nodes, nodes)
+    assert given_back.velocity_px_s is not None
+    np.testing.assert_array_equal(given_back.velocity_px_s, velocity)
+    assert [dlo.id for dlo in core.on_track(update(1_052_000, moving)).dlos] == [0]
+    assert core.corrections_due() == ()
+
+
+def test_OVERLOAD_is_degraded_until_all_events_are_used_again() -> None:
+    core, nodes = booted()
+    modes = [
+        core.on_track(update(t_us, track(0, nodes)), whole=t_us != 1_004_000).mode
+        for t_us in range(1_002_000, 1_060_000, 2000)
+    ]
+    assert modes[0] == Mode.STATIC
+    assert modes[1] == modes[10] == Mode.DEGRADED
+    assert modes[-1] == Mode.STATIC

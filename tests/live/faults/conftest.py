@@ -25,7 +25,7 @@ POOL_MIB = 43
 
 @pytest.fixture
 def make_cell(tmp_path: Path) -> Iterator[MakeCell]:
-    """Writes a configuration: ``make_cell(recording=..., speed=..., section={...})``; afterwards nothing may be left."""
+    """Writes a configuration: ``make_cell(recording=..., speed=..., section={...})``; nothing may be left of it."""
     before = pools()
 
     def make(recording: Path | None = None, speed: float = 0.05, **sections: dict[str, Scalar]) -> Path:

@@ -79,6 +79,36 @@ def test_OVERLOAD_drops_the_oldest_and_says_so() -> None:
     assert core.counts["lost_batches"] == 7
 
 
+def test_OVERLOAD_thins_large_batches_only_while_others_wait_and_says_so() -> None:
+    def large(k: int) -> EventBatch:
+        events = empty_events(100)
+        events["t"] = 1000 * k + np.arange(100)
+        return EventBatch(1000 * k, 1000 * (k + 1), events)
+
+    tracker = RecordingTracker()
+    core = EventTrackerCore(tracker, patience=1, most=4, most_events=30)
+    core.push(large(0), 0)
+    step = core.step()
+    assert step is not None
+    assert step.whole
+    assert len(tracker.batches[0].events) == 100
+    assert not core.overloaded
+    for k in (1, 2):
+        core.push(large(k), k)
+    step = core.step()
+    assert step is not None
+    assert not step.whole
+    assert core.overloaded
+    assert [batch.events["t"].tolist() for batch in tracker.batches[1:]] == [
+        list(range(1000 * k, 1000 * k + 100, 4)) for k in (1, 2)
+    ]
+    assert core.counts["thinned_events"] == 150
+    for k in range(3, 40):
+        core.push(large(k), k)
+        core.step()
+    assert not core.overloaded, "back to normal"
+
+
 def test_refused_corrections_are_counted_with_their_sender() -> None:
     core = EventTrackerCore(RecordingTracker(), patience=3)
     core.on_correction(correction(5), "fusion")
