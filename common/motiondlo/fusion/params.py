@@ -58,7 +58,7 @@ class FusionParams(BaseModel):
         description="a shape farther than this (Mahalanobis distance across the curve) from its track is refused",
     )
     overrule_confidence: float = Field(
-        default=0.4, ge=0.0, le=1.0, description="a shape that contradicts a track below this starts it anew at once"
+        default=0.5, ge=0.0, le=1.0, description="a shape that contradicts a track below this starts it anew at once"
     )
     overrule_votes: int = Field(
         default=4,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +12,7 @@ from motiondlo.events.buckets import EventBuckets
 from motiondlo.events.types import SensorGeometry
 from motiondlo.frames.types import EndKind, FloatArray
 from motiondlo.tracking.inextensible.arrays import Looks, numbers_of
+from motiondlo.tracking.inextensible.confidence import Confidence
 from motiondlo.tracking.inextensible.curve_filter import GAP_MS, CurveFilter
 from motiondlo.tracking.inextensible.end_rows import EndPose
 from motiondlo.tracking.inextensible.ends import EndTracker
@@ -94,6 +96,9 @@ class InextensibleDlo(CurveFilter):
         self._turn = 0
         self._revisions: list[tuple[int, int, FloatArray]] = []
         self._state: TrackState | None = None
+        self._confidence = Confidence()
+        self.unexplained = 0.0
+        """Share of the scene's events that lie near no DLO."""
 
     def _end_pose(self, end: EndTracker, dt_ms: float) -> EndPose:
         offset = float(self.x[2 * self.n + END_A + end.index]) if end.free else 0.0
@@ -154,6 +159,7 @@ class InextensibleDlo(CurveFilter):
         else:
             self.silent_ms = 0.0
             self.frozen = False
+            self._confidence.advance(dt_ms, self.seen, self.could)
             fit = self.absorb(dt_ms, self.looks, self.numbers)
             if fit is not None:
                 self._adapt(dt_ms, fit, end_nis)
@@ -334,6 +340,8 @@ class InextensibleDlo(CurveFilter):
         """The estimate as nodes with covariance."""
         if self._state is None:
             self._state = self._make_state()
+        elif self.frozen and abs(self._state.confidence - self.confidence()) > 0.01:
+            self._state = replace(self._state, confidence=self.confidence())
         return self._state
 
     def _make_state(self) -> TrackState:
@@ -372,7 +380,6 @@ class InextensibleDlo(CurveFilter):
         return min(math.hypot(*slips), 10.0 * p.bias_tangent_px)
 
     def confidence(self) -> float:
-        """0..1: how much of what should be seen is seen, and how sure the curve is."""
-        seen = self.seen / max(self.could, 1) if not self.frozen else 1.0
+        """0..1: how likely the estimate is right."""
         spread = float(np.partition(self.sn, self.m // 2)[self.m // 2])
-        return min(max(0.3 + 0.7 * seen, 0.0), 1.0) / (1.0 + (spread / 6.0) ** 2)
+        return self._confidence.value(self.frozen, self.seen, spread, self.unexplained)

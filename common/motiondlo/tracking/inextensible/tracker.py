@@ -12,6 +12,7 @@ from motiondlo.events.types import EventBatch, SensorGeometry
 from motiondlo.rejects import RejectReason
 from motiondlo.tracking.carrying import carried_correction
 from motiondlo.tracking.correction_gate import CorrectionGate
+from motiondlo.tracking.inextensible.confidence import UnexplainedEvents
 from motiondlo.tracking.inextensible.curve_filter import GAP_MS
 from motiondlo.tracking.inextensible.dlo import InextensibleDlo
 from motiondlo.tracking.inextensible.late import PastState
@@ -38,6 +39,7 @@ class InextensibleTracker:
         self._hits = np.zeros(shape, np.int32)
         self._tiles_stale = True
         self._counts = np.zeros(MASK_BITS, np.int64)
+        self._unexplained = UnexplainedEvents()
 
     def warm_up(self) -> None:
         """Compile or load all kernels; takes a few seconds without a cache."""
@@ -76,6 +78,9 @@ class InextensibleTracker:
         if len(events):
             self._t_events_us = int(events["t"][-1])
         self._count_near(batch)
+        self._unexplained.advance(span_ms, len(events), int(self._counts.sum()))
+        for dlo in self._dlos.values():
+            dlo.unexplained = self._unexplained.share
         near_ns = clock()
         awake = [
             dlo
