@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from motiondlo.events.clock import ClockEstimator, ClockParams
+from motiondlo.events.evt3 import Evt3Decoder
+from motiondlo.events.types import EVENT_DTYPE, SensorGeometry
+from motiondlo.events.writer import Evt3Encoder
 
 OFFSET_NS = 7_000_000_000
 PERIOD_US = 1000
@@ -110,3 +113,36 @@ def test_drift_beyond_any_crystal_is_limited() -> None:
     clock = ClockEstimator()
     feed(clock, np.arange(0, 5_000_000, PERIOD_US), drift_ppm=900.0)
     assert clock.drift_ppm == 500.0
+
+
+def test_PAUSE_of_minutes_is_no_step_and_keeps_the_drift() -> None:
+    clock = ClockEstimator()
+    drift_ppm = 40.0
+    assert feed(clock, np.arange(0, 12_000_000, PERIOD_US), drift_ppm, jitter_us=100.0) == 0
+    after_us = 12_000_000 + 300_000_000
+    # What the drift's own error of 3 ppm makes of five minutes is 0.9 ms: far from a step.
+    assert feed(clock, np.arange(after_us, after_us + 3_000_000, PERIOD_US), drift_ppm, jitter_us=100.0) == 0
+    true_ns = OFFSET_NS + after_us * 1000 + round(after_us * drift_ppm * 1e-3)
+    assert abs(clock.host_ns(after_us) - true_ns) < 1_000_000
+
+
+def test_CLOCK_STEP_of_the_host_during_a_pause_is_seen_when_data_come_again() -> None:
+    clock = ClockEstimator()
+    feed(clock, np.arange(0, 3_000_000, PERIOD_US), jitter_us=100.0)
+    after_us = 63_000_000
+    assert feed(clock, np.arange(after_us, after_us + 2_000_000, PERIOD_US), offset_ns=OFFSET_NS + 80_000_000) == 1
+    assert clock.host_ns(after_us + 2_000_000) == OFFSET_NS + 80_000_000 + (after_us + 2_000_000) * 1000
+
+
+def test_WRAPS_of_the_cameras_24_bits_pass_the_clock_unnoticed() -> None:
+    """Bytes in, through decoder and estimator: wraps after 16.8 s are no steps."""
+    encoder, decoder = Evt3Encoder(SensorGeometry()), Evt3Decoder(SensorGeometry())
+    clock = ClockEstimator()
+    for t_us in range(1000, 3 << 24, 50_000):
+        events = np.zeros(1, EVENT_DTYPE)
+        events["t"] = t_us
+        decoder.push(encoder.encode(events))
+        assert not clock.update(decoder.time_us, OFFSET_NS + t_us * 1000)
+    assert decoder.marks["wraps"] == 2
+    # The decoder's time is that of the newest time word, up to 4.1 ms before the newest event.
+    assert abs(clock.host_ns(t_us) - OFFSET_NS - t_us * 1000) < 5_000_000
