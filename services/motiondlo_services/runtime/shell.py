@@ -149,6 +149,7 @@ class Shell:
         rates = {name: (count - before[name]) / span_s for name, count in self.counts.items()}
         self._rates_from = (now_ns, Counter(self.counts))
         shared_memory = bus.shared_memory_report()
+        exhausted = shared_memory.exhausted
         quantiles = {name: window.take() for name, window in self.latencies.items()}
         return HealthMessage(
             t_us=self.t_us,
@@ -160,14 +161,15 @@ class Shell:
             problems=self.problems,
             rates_hz=rates | {name: status.rate_hz for name, status in inputs.items()},
             latencies_ms={name: value for name, value in quantiles.items() if value is not None},
-            drops=bus.drops(),
+            drops=bus.drops() | ({"shared_memory.exhausted": exhausted} if exhausted else {}),
             rejects=by_reason,
             reject_senders=by_sender,
             queues={name: status.queued for name, status in inputs.items()},
             versions={"motiondlo": __version__},
             info={
                 "scheduling": self.scheduling,
-                "shared_memory": shared_memory.why or "in use",
+                "shared_memory": shared_memory.why or f"in use from {shared_memory.threshold_bytes} bytes on",
+                "notifications_lost": self._notifier.lost,
                 **dict(self.counts),
                 **info,
             },
