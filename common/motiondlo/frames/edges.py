@@ -16,7 +16,7 @@ from scipy.linalg import solveh_banded
 from scipy.ndimage import gaussian_filter1d
 
 from motiondlo.frames.colour import Float32Array
-from motiondlo.frames.edge_kernels import best_path
+from motiondlo.frames.edge_kernels import best_path, pair_strength
 from motiondlo.frames.strip import Scene, Strip, sample_strip
 from motiondlo.geometry.curve import arc_length, left_normals, resample, tangents
 
@@ -24,9 +24,10 @@ FloatArray = npt.NDArray[np.float64]
 
 ROW_PX = 2.0
 """Distance of rows along the curve."""
-COLUMN_PX = 0.5
-"""Distance of samples across it."""
+_COLUMN_PX, _COLUMNS_PER_WIDTH = (0.5, 1.0), 66.0
+"""Distance of samples across it, and how many of them are plenty."""
 _LATER_FACTORS = (0.96, 1.0, 1.04, 1.08)
+_HOPELESS = 0.1
 _BLUR_REACH_PX = 8.0
 _STEP_COST = 0.15
 _PEAK_PX, _PEAK_W = 2.0, 0.3
@@ -84,7 +85,7 @@ def refine_centreline(
     result: RefinedCurve | None = None
     for turn in range(max(1, rounds)):
         look = search if turn == 0 else WidthSearch(min(search.reach_w, USUAL.reach_w), _LATER_FACTORS)
-        strip = sample_strip(scene, centre, (0.7 + look.reach_w) * width + 6.0, COLUMN_PX)
+        strip = sample_strip(scene, centre, (0.7 + look.reach_w) * width + 6.0, column_px(width))
         g = edge_strength(strip)
         width = common_width(g, strip.offsets, width, look)
         rough = centre_path(g, strip.offsets, width, look.reach_w)
@@ -97,10 +98,18 @@ def refine_centreline(
         centre = centre + smooth[:, None] * left_normals(tangents(centre))
         spread = float(1.4826 * np.median(np.abs(widths[both] - width))) if both.any() else width
         result = RefinedCurve(centre, sigma, width, spread, float(both.mean()), blur)
+        if search.outer_share < 1.0 and result.edge_support < _HOPELESS:
+            # Of the many strips of a second look few are DLOs.
+            break
         if turn + 1 < rounds:
             centre = _even(_thin_out(centre, width))
     assert result is not None
     return result
+
+
+def column_px(width: float) -> float:
+    """Distance of samples across a DLO of this width, px."""
+    return float(np.clip(width / _COLUMNS_PER_WIDTH, *_COLUMN_PX))
 
 
 def edge_strength(strip: Strip) -> FloatArray:
@@ -238,21 +247,9 @@ def _pair_strength(
     """(K, C) strength of the pair of edges at ``c`` -+ width / 2 for C candidates; the weaker edge counts double."""
     step = offsets[1] - offsets[0]
     reach = int(search_w * width / step)
-    middle = len(offsets) // 2
-    candidates = np.arange(-reach, reach + 1)
-    half = 0.5 * width / step
-    left = _columns(saturated, middle + candidates - half)
-    right = _columns(saturated, middle + candidates + half)
-    pair = 0.5 * (left + right) + np.minimum(left, right)
-    # Ties go to the curve that came in.
-    pair = pair - 0.02 * np.abs(candidates)[None] / max(reach, 1)
-    return pair, candidates * step
-
-
-def _columns(values: FloatArray, index: FloatArray) -> FloatArray:
-    low = np.clip(np.floor(index).astype(np.int64), 0, values.shape[1] - 2)
-    part = np.clip(index - low, 0.0, 1.0)
-    return np.asarray(values[:, low] * (1.0 - part) + values[:, low + 1] * part, dtype=np.float64)
+    pair = np.empty((len(saturated), 2 * reach + 1))
+    pair_strength(np.ascontiguousarray(saturated), 0.5 * width / step, pair)
+    return pair, np.arange(-reach, reach + 1) * step
 
 
 def _peak_near(g: FloatArray, offsets: FloatArray, where: FloatArray, reach_px: float) -> tuple[FloatArray, FloatArray]:

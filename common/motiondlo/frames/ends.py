@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import gaussian_filter1d
 
-from motiondlo.frames.edges import COLUMN_PX, centre_path, edge_strength, locate_edges, robust_smooth
+from motiondlo.frames.edges import centre_path, column_px, edge_strength, locate_edges, robust_smooth
 from motiondlo.frames.strip import Scene, sample_strip
 from motiondlo.geometry.curve import arc_length, left_normals, point_at, tangents
 
@@ -159,7 +159,7 @@ def _recentre(
     """
     known = min(int(1.2 * width), len(tail) - 1)
     curve = np.concatenate([tail[-known:], ahead])[::2]
-    strip = sample_strip(scene, curve, 1.0 * width + 4.0, COLUMN_PX)
+    strip = sample_strip(scene, curve, 1.0 * width + 4.0, column_px(width))
     g = edge_strength(strip)
     rough = centre_path(g, strip.offsets, width)
     offset, weight, widths = locate_edges(g, strip.offsets, rough, width)

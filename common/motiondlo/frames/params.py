@@ -82,6 +82,7 @@ class ThinParams(_Params):
     min_edge_support: float = Field(default=0.6, ge=0.0, le=1.0, description="share of rows with both edges")
     max_width_spread: float = Field(default=0.25, gt=0.0, le=1.0, description="robust spread of the width over width")
     max_beside: float = Field(default=0.014, gt=0.0, le=1.0, description="log difference from the board beside a wire")
+    max_strips: int = Field(default=24, ge=1, le=1000, description="the longest so many are measured")
     beside_noise_factor: float = Field(default=4.0, ge=0.0, le=50.0, description="the same in robust deviations")
 
 

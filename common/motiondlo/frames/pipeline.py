@@ -24,7 +24,7 @@ from motiondlo.frames.segments import Screen, Segment, is_plausible, measure_seg
 from motiondlo.frames.skeleton_graph import build_graph, distance_inside, prune_spurs, skeletonise
 from motiondlo.frames.smear import rise_px
 from motiondlo.frames.strip import Scene
-from motiondlo.frames.thin import is_wire, thin_mask
+from motiondlo.frames.thin import beside_limit, is_strip, is_wire, thin_mask
 from motiondlo.frames.traversal import Chain, traverse
 from motiondlo.frames.types import Segmentation
 from motiondlo.geometry.camera_map import CameraMap
@@ -192,11 +192,14 @@ def find_thin(scene: Scene, found: list[Segment], obstacles: Mask | None, params
     taken = taken_mask(board.distance.shape, board.scale, found, obstacles)
     mask = thin_mask(board, taken, params.thin, params.foreground)
     chains = mask_to_chains(mask, obstacles, board, params, StageTimes())
+    strips = [chain for chain in chains if is_strip(board, chain)]
+    chains = sorted(strips, key=lambda chain: -chain.length)[: params.thin.max_strips]
     narrow = params.foreground.model_copy(
         update={"min_width": params.thin.min_width, "max_width": 1.1 * params.foreground.min_width}
     )
     measuring = params.model_copy(update={"foreground": narrow})
-    return measure_chains(scene, chains, mask, measuring, lambda s, curve: is_wire(s, curve, params.thin), WIRE)[0]
+    limit = beside_limit(board, params.thin)
+    return measure_chains(scene, chains, mask, measuring, lambda s, c: is_wire(s, c, params.thin, limit), WIRE)[0]
 
 
 def assemble_dlos(scene: Scene, segments: list[Segment], params: FrameParams) -> list[tuple[float, Dlo]]:

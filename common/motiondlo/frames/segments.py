@@ -26,7 +26,7 @@ towards a jaw two widths before a gripper."""
 _MAX_TRIM_SHARE = 0.22
 _REPEATED_SHARE = 0.5
 _LEAST_REST_W = 2.0
-_SURE_SUPPORT = 0.75
+_NO_SUPPORT, _SURE_SUPPORT = 0.1, 0.75
 _SEARCH_WIDE_W = 2.5
 _WIDER = 1.22
 _REACH_W, _REACH = 10.0, 0.08
@@ -78,7 +78,7 @@ def measure_segment(
         if params.refine
         else _unrefined(smooth, width)
     )
-    if params.refine and search.outer_share < 1.0 and refined.edge_support < _SURE_SUPPORT:
+    if params.refine and search.outer_share < 1.0 and _NO_SUPPORT < refined.edge_support < _SURE_SUPPORT:
         # The outer pair may be a shadow's.
         strongest = refine_centreline(
             scene, smooth, width, params.refine_rounds, params.smooth_length_w, replace(search, outer_share=1.0)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
 from motiondlo.frames.board import BoardModel
 from motiondlo.frames.classical import cut_wide
@@ -20,6 +20,8 @@ from motiondlo.frames.edges import RefinedCurve
 from motiondlo.frames.masks import Mask
 from motiondlo.frames.params import ForegroundParams, ThinParams
 from motiondlo.frames.strip import Scene, sample_strip
+from motiondlo.frames.traversal import Chain
+from motiondlo.geometry.curve import left_normals, tangents
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -29,6 +31,7 @@ _AROUND_PX = 13
 """Reach of the weaker lines of the other sign to both sides of a strong strip, working px."""
 _BRIGHTER_LOG = 0.05
 _BESIDE_W, _BESIDE_PX, _BESIDE_ROWS = (0.8, 1.8), 2.0, 9
+_SIDE_PX, _STEP_SHARE = 4.0, 1.4
 _WIDE = 1.4
 """In multiples of the narrowest DLO of the first look: what is wider has edges that are no wires."""
 
@@ -37,10 +40,26 @@ def ridge_strength(board: BoardModel) -> Float32Array:
     """Log contrast of a strip with both of its sides. (h, w) float32 at working size."""
     ratio = board.image_log - board.board_log
     inner = cv2.GaussianBlur(ratio, (0, 0), _INNER_PX)
-    outer = cv2.GaussianBlur(ratio, (0, 0), _OUTER_PX)
-    np.subtract(inner, outer, out=inner)
+    inner -= cv2.GaussianBlur(ratio, (0, 0), _OUTER_PX)
     np.multiply(inner, inner, out=inner)
     return np.asarray(np.sqrt((inner[..., 0] + inner[..., 1] + inner[..., 2]) * np.float32(1.0 / 3.0)), np.float32)
+
+
+def is_strip(board: BoardModel, chain: Chain) -> bool:
+    """Whether a chain differs from both of its sides alike: the rim of a shadow, a step, differs from one of them."""
+    path = chain.path[::2]
+    if len(path) < 4:
+        return False
+    across = left_normals(tangents(gaussian_filter1d(path, 2.0, axis=0, mode="nearest")))
+    height, width = board.distance.shape
+    colours = []
+    for offset in (-_SIDE_PX, 0.0, _SIDE_PX):
+        at = np.round(path + offset * across).astype(np.int64)
+        rows, columns = np.clip(at[:, 1], 0, height - 1), np.clip(at[:, 0], 0, width - 1)
+        colours.append(board.image_log[rows, columns] - board.board_log[rows, columns])
+    left, middle, right = colours
+    ridge = np.linalg.norm(middle - 0.5 * (left + right), axis=1)
+    return float(np.median(np.linalg.norm(left - right, axis=1))) < _STEP_SHARE * float(np.median(ridge))
 
 
 def thin_mask(board: BoardModel, taken: Mask, params: ThinParams, foreground: ForegroundParams) -> Mask:
@@ -61,12 +80,20 @@ def thin_mask(board: BoardModel, taken: Mask, params: ThinParams, foreground: Fo
     return _long_pieces(mask, params.min_piece * width)
 
 
-def is_wire(scene: Scene, curve: RefinedCurve, params: ThinParams) -> bool:
-    """Whether a strip is a wire: two edges all along, one width, and the empty board at least on one side of it."""
+def beside_limit(board: BoardModel, params: ThinParams) -> float:
+    """Log difference that a wire's better side has at most: a fixed one, or multiples of the board's own."""
+    level = cv2.blur((board.image_log - board.board_log)[::2, ::2].mean(axis=2), (3, 3))
+    return max(params.max_beside, params.beside_noise_factor * 1.4826 * float(np.median(np.abs(level))))
+
+
+def is_wire(scene: Scene, curve: RefinedCurve, params: ThinParams, most_beside: float) -> bool:
+    """Whether a strip is a wire: two edges all along, one width, and the empty board at least on one side of it.
+
+    most_beside: from ``beside_limit``.
+    """
     if curve.edge_support < params.min_edge_support or curve.width_spread > params.max_width_spread * curve.width:
         return False
-    usual = params.beside_noise_factor * _board_noise(scene.board)
-    return beside(scene, curve.centre, curve.width) <= max(params.max_beside, usual)
+    return beside(scene, curve.centre, curve.width) <= most_beside
 
 
 def beside(scene: Scene, centre: FloatArray, width: float) -> float:
@@ -84,12 +111,6 @@ def beside(scene: Scene, centre: FloatArray, width: float) -> float:
         part = (away > _BESIDE_W[0] * width + _BESIDE_PX) & (away < reach)
         sides.append(np.abs(uniform_filter1d(level[:, part].mean(axis=1), _BESIDE_ROWS)))
     return float(np.percentile(np.minimum(*sides), 75.0))
-
-
-def _board_noise(board: BoardModel) -> float:
-    """Robust standard deviation of the smoothed brightness against the empty board."""
-    level = cv2.blur((board.image_log - board.board_log)[::2, ::2].mean(axis=2), (3, 3))
-    return float(1.4826 * np.median(np.abs(level)))
 
 
 def _long_pieces(mask: Mask, least_px: float) -> Mask:

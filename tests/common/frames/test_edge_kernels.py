@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 
-from motiondlo.frames.edge_kernels import best_path
+from motiondlo.frames.edge_kernels import best_path, pair_strength
 
 
 def exhaustive(strength, cost):
@@ -41,3 +41,17 @@ def test_path_crosses_a_stretch_without_edges():
     best_path(strength, 0.15, out)
     assert (out[:10] == 6).all()
     assert (out[20:] == 10).all()
+
+
+def test_pairs_of_edges_are_those_of_the_plain_formula():
+    rng = np.random.default_rng(5)
+    saturated, half, reach = rng.random((6, 41)), 6.3, 9
+    out = np.empty((6, 2 * reach + 1))
+    pair_strength(saturated, half, out)
+    columns = np.arange(41)
+    for k, row in enumerate(saturated):
+        candidates = np.arange(-reach, reach + 1)
+        left = np.interp(20 + candidates - half, columns, row)
+        right = np.interp(20 + candidates + half, columns, row)
+        plain = 0.5 * (left + right) + np.minimum(left, right) - 0.02 * np.abs(candidates) / reach
+        np.testing.assert_allclose(out[k], plain, atol=1e-12)
