@@ -20,6 +20,9 @@ _HELD_SHARE = 0.45
 _STEP_CODES = 9.0
 _LEAST_SCALE_PX = 12.0
 """Beside a thinner DLO the board's own texture has steps."""
+_OBLIQUE_W = 1.5
+"""How far ahead or behind, in widths, an oblique edge may cross either side."""
+_CROOKED_W = 0.6
 _GAP = 3
 """Samples around a step that are left out: its soft edge, and thin lines."""
 
@@ -73,24 +76,49 @@ def edge_across(scene: Scene, view: EndView) -> float:
     Where a DLO runs under a plate, the plate's edge goes on to the left and right of it; at a free tip nothing does.
     The weaker side counts. Thin printed lines are no steps: both sides of them look the same.
     """
+    _, steps = _lasting_steps(scene, view, 1.8, 0.8)
+    if not steps:
+        return 0.0
+    strongest = [step[int(np.abs(step).max(axis=1).argmax())] for step in steps]
+    weaker = min(np.abs(strongest[0]).max(), np.abs(strongest[1]).max())
+    return float(weaker) if float(strongest[0] @ strongest[1]) > 0.0 else 0.0
+
+
+def may_be_hidden(scene: Scene, view: EndView) -> bool:
+    """Whether an edge that may cross the DLO obliquely goes through the end: a weaker sign than :func:`edge_across`."""
+    along, steps = _lasting_steps(scene, view, 2.5, _OBLIQUE_W)
+    if not steps:
+        return False
+    sides = [np.abs(step).max(axis=1) for step in steps]
+    # A straight edge through the end crosses one side as far ahead as it crosses the other side behind.
+    one_edge = np.abs(along[:, None] + along[None]) <= _CROOKED_W * max(view.width, _LEAST_SCALE_PX)
+    alike = steps[0] @ steps[1].T > 0.0
+    return bool((one_edge & alike & (np.minimum(sides[0][:, None], sides[1][None]) > _STEP_CODES)).any())
+
+
+def _lasting_steps(scene: Scene, view: EndView, half_w: float, reach_w: float) -> tuple[FloatArray, list[FloatArray]]:
+    """Steps of the surroundings along either side of the DLO at an end, up to ``reach_w`` widths from it.
+
+    Looks ``half_w`` widths ahead and back. Returns places (k,) px along, and a (k, 3) step for either side; no steps if
+    there is no room for them.
+    """
     width = max(view.width, _LEAST_SCALE_PX)
-    along = np.arange(-1.8 * width, 1.8 * width, 1.0)
+    along = np.arange(-half_w * width, half_w * width, 1.0)
     centre = view.point + along[:, None] * view.outward
     strip = sample_strip(scene, centre, 1.05 * width, 1.0)
-    steps = []
+    steps: list[FloatArray] = []
     for sign in (-1.0, 1.0):
         lateral = strip.offsets * sign
         band = (lateral > 0.72 * width) & (lateral < 1.0 * width)
         profile = strip.image[:, band].mean(axis=1).astype(np.float64)
         span = min(max(int(0.5 * width), 5), (len(profile) - 2 * _GAP) // 2 - 1)
         if span < 2:
-            return 0.0
+            return along, []
         level = np.median(sliding_window_view(profile, span, axis=0), axis=2)
         # level[k] covers samples k to k + span; the step at m compares the windows before m - gap and after m + gap.
         middle = np.arange(span + _GAP, len(profile) - span - _GAP)
-        middle = middle[np.abs(along[middle]) <= 0.8 * width]
+        middle = middle[np.abs(along[middle]) <= reach_w * width]
         if len(middle) == 0:
-            return 0.0
-        step = level[middle + _GAP] - level[middle - _GAP - span]
-        steps.append(step[int(np.abs(step).max(axis=1).argmax())])
-    return float(min(np.abs(steps[0]).max(), np.abs(steps[1]).max())) if float(steps[0] @ steps[1]) > 0.0 else 0.0
+            return along, []
+        steps.append(level[middle + _GAP] - level[middle - _GAP - span])
+    return along[middle], steps

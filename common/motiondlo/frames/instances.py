@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from motiondlo.frames.appearance import sample_appearance
 from motiondlo.frames.edges import refine_centreline
-from motiondlo.frames.end_kinds import EndView, classify_end
+from motiondlo.frames.end_kinds import EndView, classify_end, may_be_hidden
 from motiondlo.frames.merging import SegmentEnd, bezier_bridge, connect
 from motiondlo.frames.params import FrameParams, InstanceParams
 from motiondlo.frames.polyline_fit import fit_spline
@@ -76,17 +76,13 @@ def join_segments(
     for k, segment in enumerate(segments):
         for side in (0, 1):
             kind = kinds[k][side]
-            ends.append(
-                SegmentEnd(
-                    k,
-                    side,
-                    segment.centre[0 if side == 0 else -1],
-                    end_tangent(segment.centre, side, segment.width),
-                    segment.width,
-                    np.log(segment.palette.colour + 8.0),
-                    kind,
-                )
-            )
+            point = segment.centre[0 if side == 0 else -1]
+            outward = end_tangent(segment.centre, side, segment.width)
+            view = EndView(point, outward, segment.width, segment.ends[side].found, segment.ends[side].at_border)
+            # Only where there is something to be joined: it is not for nothing.
+            maybe = len(segments) > 1 and kind is EndKind.TIP and may_be_hidden(scene, view)
+            colour = np.log(segment.palette.colour + 8.0)
+            ends.append(SegmentEnd(k, side, point, outward, segment.width, colour, kind, maybe))
     connections = connect(ends, params.merge.max_gap * scene.size[0], params.merge)
     links: dict[tuple[int, int], tuple[SegmentEnd, SegmentEnd]] = {}
     for c in connections:

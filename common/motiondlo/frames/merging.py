@@ -29,6 +29,8 @@ class SegmentEnd:
     """(3,) log colour near the end."""
     kind: EndKind = EndKind.UNKNOWN
     """Ends at the image border are never joined; HELD and HIDDEN ends may go on beyond what covers them."""
+    maybe_hidden: bool = False
+    """Something that is not sure to cover the DLO has an edge here."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,8 @@ def is_candidate(a: SegmentEnd, b: SegmentEnd, max_gap_px: float, params: MergeP
         return True
     alike = width_ratio <= params.alike_width_ratio and colour_jump <= params.alike_colour_jump
     straight = min(ahead, -float(a.outward @ b.outward)) >= params.alike_alignment
-    return EndKind.HIDDEN in (a.kind, b.kind) and alike and straight
+    sign = EndKind.HIDDEN in (a.kind, b.kind) or a.maybe_hidden or b.maybe_hidden
+    return sign and alike and straight
 
 
 def connect(ends: list[SegmentEnd], max_gap_px: float, params: MergeParams) -> list[Connection]:

@@ -13,9 +13,9 @@ PARAMS = MergeParams()
 D_MAX = 400.0
 
 
-def end(segment, x, y, dx, dy, kind=EndKind.TIP, width=20.0, colour=5.0, side=0):
+def end(segment, x, y, dx, dy, kind=EndKind.TIP, width=20.0, colour=5.0, side=0, maybe=False):
     d = np.array([dx, dy], float) / np.hypot(dx, dy)
-    return SegmentEnd(segment, side, np.array([x, y], float), d, width, np.full(3, colour), kind)
+    return SegmentEnd(segment, side, np.array([x, y], float), d, width, np.full(3, colour), kind, maybe)
 
 
 def test_score_is_the_papers():
@@ -30,6 +30,8 @@ CASES = {
     "UNDER_A_PLATE": (end(0, 0, 0, 1, 0, EndKind.HIDDEN), end(1, 150, 0, -1, 0, EndKind.HIDDEN), True),
     "ONE_EDGE_OF_THE_PLATE_SEEN": (end(0, 0, 0, 1, 0, EndKind.HIDDEN), end(1, 150, 0, -1, 0), True),
     "ONE_EDGE_SEEN_OTHER_COLOUR": (end(0, 0, 0, 1, 0, EndKind.HIDDEN), end(1, 150, 0, -1, 0, colour=4.6), False),
+    "OBLIQUE_EDGE_SEEN": (end(0, 0, 0, 1, 0, maybe=True), end(1, 150, 0, -1, 0), True),
+    "OBLIQUE_EDGE_SEEN_OTHER_COLOUR": (end(0, 0, 0, 1, 0, maybe=True), end(1, 150, 0, -1, 0, colour=4.6), False),
     "TOO_FAR": (end(0, 0, 0, 1, 0, EndKind.HIDDEN), end(1, 500, 0, -1, 0, EndKind.HIDDEN), False),
     "SIDEWAYS": (end(0, 0, 0, 1, 0, EndKind.HIDDEN), end(1, 10, 150, -1, 0, EndKind.HIDDEN), False),
     "TURNED": (end(0, 0, 0, 1, 0), end(1, 30, 0, 0, 1), False),
