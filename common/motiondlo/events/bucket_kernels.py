@@ -49,6 +49,14 @@ def file_events(packed: Int64Array, last_us: Int64Array, rings: Int64Array, head
     return outside
 
 
+@numba.njit(cache=True, nogil=True)
+def tile_at(x, y, heads, columns):  # type: ignore[no-untyped-def]
+    """The tile at a place in px; the nearest one for a place outside the sensor."""
+    r = min(max(int(y), 0) >> TILE_SHIFT, heads.shape[0] // columns - 1)
+    c = min(max(int(x), 0) >> TILE_SHIFT, columns - 1)
+    return r * columns + c
+
+
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def tiles_around(ox, oy, ex, ey, lo_a, hi_a, lo_b, hi_b, heads, columns):  # type: ignore[no-untyped-def]
     """Which tiles a turned rectangle touches: [lo_a, hi_a] along (ex, ey) from (ox, oy), [lo_b, hi_b] to its left.

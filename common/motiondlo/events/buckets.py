@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from motiondlo.events.bucket_kernels import LARGEST_PX, TILE_SHIFT, file_events
+from motiondlo.events.bucket_kernels import LARGEST_PX, TILE_SHIFT, file_events, tile_at
 from motiondlo.events.joining import event_words
 from motiondlo.events.surface import NEVER_US
 from motiondlo.events.types import EventArray, SensorGeometry
@@ -33,8 +33,16 @@ class EventBuckets:
         self.rings: npt.NDArray[np.int64] = np.zeros((rows * self.columns, CAPACITY), np.int64)
         self.heads: npt.NDArray[np.int64] = np.zeros(rows * self.columns, np.int64)
         self.last_us: npt.NDArray[np.int64] = np.full((2, geometry.height_px, geometry.width_px), NEVER_US, np.int64)
+        self.background: npt.NDArray[np.float32] = np.zeros(rows * self.columns, np.float32)
+        """(tiles,) events/px/ms that are there whatever the DLOs do; whoever screens the events writes it."""
+        self.region: npt.NDArray[np.uint8] = np.zeros((0, 0), np.uint8)
+        """(H, W) not 0 where events are left out, so that silence says nothing there; (0, 0) for nowhere."""
         self.outside = 0
         """Events outside the sensor so far."""
+
+    def background_at(self, x_px: float, y_px: float) -> float:
+        """Events/px/ms that are there whatever the DLOs do, at a place on the sensor or at the nearest."""
+        return float(self.background[tile_at(x_px, y_px, self.heads, self.columns)])
 
     def update(self, events: EventArray) -> None:
         """Take events (N,) in time order."""

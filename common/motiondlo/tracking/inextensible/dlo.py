@@ -25,7 +25,7 @@ from motiondlo.tracking.inextensible.profiles import log_ratios, prior_profiles,
 from motiondlo.tracking.inextensible.row_kernels import find_end
 from motiondlo.tracking.inextensible.shape import STRIDE
 from motiondlo.tracking.inextensible.step_kernels import largest_innovation, place_end, publish_nodes
-from motiondlo.tracking.inextensible.update_kernels import look, remember
+from motiondlo.tracking.inextensible.update_kernels import advance, look, remember
 from motiondlo.tracking.types import Correction, TrackSource, TrackState
 
 Int64Array = npt.NDArray[np.int64]
@@ -139,7 +139,8 @@ class InextensibleDlo(CurveFilter):
         rows = self.rows
         rows.count, self.seen, self.could, speed, self.recent_speed = look(
             self.curve, self.places, self.looks, rows.arrays, self.numbers, n, buckets.rings, buckets.heads,
-            buckets.columns, t_us, dt_ms, bridged_ms, self.recent_speed, self.noise_factor, lo_px, hi_px, self.past,
+            buckets.columns, buckets.background, buckets.region, t_us, dt_ms, bridged_ms, self.recent_speed,
+            self.noise_factor, lo_px, hi_px, self.past,
             # It moved on while nobody looked: silence then does not say that it stayed where it was.
             dt_ms > GAP_MS and not self.frozen,
         )  # fmt: skip
@@ -169,8 +170,8 @@ class InextensibleDlo(CurveFilter):
                 trusted = self.seen > 0.4 * max(self.could, 1)
                 end.learn(buckets, t_us, self._end_pose(end, dt_ms), self.x, trusted)
         self.past = int(remember(
-            self.curve, self.places, self.looks, self.numbers, buckets.rings, buckets.heads, buckets.columns, t_us,
-            dt_ms, learn, self._turn, self.past,
+            self.curve, self.places, self.looks, self.numbers, buckets.rings, buckets.heads, buckets.columns,
+            buckets.background, t_us, dt_ms, learn, self._turn, self.past,
         ))  # fmt: skip
         for end in self.ends:
             if math.isfinite(end.tip_shift_px) or end.patch_events >= p.patch_events_min:
@@ -187,6 +188,17 @@ class InextensibleDlo(CurveFilter):
         self._follow_open_ends()
         for k, pose in enumerate(poses):
             self.end_velocity[k] = (float(pose.velocity[0]), float(pose.velocity[1]))
+        self._state = None
+
+    def coast(self, dt_ms: float) -> None:
+        """Advance by ``dt_ms`` without looking: what there is to see is not to be believed."""
+        if self.frozen:
+            return
+        p = self.params
+        share = max(p.noise_rest_share, min(self.recent_speed / p.noise_speed, 1.5))
+        noise = p.noise_scale * share * self.noise_factor
+        advance(self.curve, self.places, self.n, self.bridge(dt_ms), noise, p.velocity_decay_ms)
+        self.seen = self.could = 0
         self._state = None
 
     def _extent(self) -> tuple[float, float]:

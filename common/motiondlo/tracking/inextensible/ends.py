@@ -21,6 +21,7 @@ from motiondlo.tracking.inextensible.end_kernels import (
 from motiondlo.tracking.inextensible.end_rows import EndPose, Rows
 from motiondlo.tracking.inextensible.filter_kernels import END_A, RATIO_A
 from motiondlo.tracking.inextensible.held_extent import HeldExtent
+from motiondlo.tracking.inextensible.observe_kernels import BACKGROUND_SIGMAS
 from motiondlo.tracking.inextensible.params import InextensibleParams
 
 _PATCH_CAPACITY = 8000
@@ -29,6 +30,11 @@ _TIP_STEP_PX = 2.0
 """Where the events of a tip end, beyond it."""
 _TIP_SEARCH_PX = 14
 _TIP_SEARCH_NEW_PX = 34
+
+
+def own_events(count: int, beside: float) -> int:
+    """How many of ``count`` events are surely more than the ``beside`` that lie there in any case."""
+    return count if beside <= 0.0 else max(int(count - beside - BACKGROUND_SIGMAS * math.sqrt(beside)), 0)
 
 
 @dataclass
@@ -76,6 +82,7 @@ class EndTracker:
         self._age = np.empty(_PATCH_CAPACITY, np.float32)
         self._match = np.zeros(7)
         self._tip = np.zeros(2)
+        self._own_events = 0
         self._window_ms = 1.0
         self._used_ms = p.window_max_ms
         self._tip_moves = False
@@ -174,14 +181,19 @@ class EndTracker:
         p = self.params
         ratio = float(x[len(x) - 5 + RATIO_A + self.index])
         lever_x, lever_y = pose.place[0] - self.reference[0], pose.place[1] - self.reference[1]
+        # What lies there in any case neither counts nor ends the window.
+        area_px2 = 2.0 * p.patch_half_width_px * (p.patch_length_px + p.patch_inward_px)
+        beside_per_ms = area_px2 * buckets.background_at(float(pose.place[0]), float(pose.place[1]))
+        target = p.patch_events_used + int(beside_per_ms * self._window_ms)
         count, age, window = collect_patch(
             buckets.rings, buckets.heads, buckets.columns, t_us, pose.place[0] + ratio * lever_x,
             pose.place[1] + ratio * lever_y, pose.outward[0], pose.outward[1], pose.velocity[0] * (1.0 + ratio),
             pose.velocity[1] * (1.0 + ratio), pose.omega, p.window_min_ms, self._window_ms,
-            1.25 * self._used_ms + 0.25, p.patch_events_used, p.latency_ms, -p.patch_inward_px, p.patch_length_px,
+            1.25 * self._used_ms + 0.25, target, p.latency_ms, -p.patch_inward_px, p.patch_length_px,
             p.patch_half_width_px, 1.4 * self.radius_px, self._a, self._b, self._age,
         )  # fmt: skip
         self._window_ms = self._used_ms = float(window)
+        self._own_events = own_events(int(count), beside_per_ms * self._window_ms)
         return int(count), float(age)
 
     def _observe_patch(
@@ -205,15 +217,15 @@ class EndTracker:
             self.quiet_ms = 0.0
             return
         count, age = self._collect(buckets, t_us, pose, x)
-        self.patch_events = count
+        own = self.patch_events = self._own_events
         v_x, v_y = pose.velocity.tolist()
-        self._follow_background(count / self._window_ms, math.hypot(v_x, v_y), dt_ms)
+        self._follow_background(own / self._window_ms, math.hypot(v_x, v_y), dt_ms)
         axes = ((out_x, out_y), (-out_y, out_x))
         ratio = float(x[len(x) - 5 + RATIO_A + self.index])
         middle = 0.4 * p.patch_length_px
         seen = 0.0 < place_x + middle * out_x < width and 0.0 < place_y + middle * out_y < height
-        if count < p.patch_events_min:
-            self.quiet_ms = self.quiet_ms + dt_ms if count < p.patch_events_min // 2 and seen else 0.0
+        if own < p.patch_events_min:
+            self.quiet_ms = self.quiet_ms + dt_ms if own < p.patch_events_min // 2 and seen else 0.0
             if self.learned >= 3 and self.quiet_ms > 1.5:
                 for axis in axes:
                     speed = axis[0] * v_x + axis[1] * v_y
@@ -252,7 +264,11 @@ class EndTracker:
             pose.outward[1], pose.velocity[0], pose.velocity[1], self._window_ms, self.params.latency_ms,
             self.radius_px + 2.0, self._histogram,
         )  # fmt: skip
-        return int(count), float(age)
+        beside = 2.0 * (self.radius_px + 2.0) * self._window_ms
+        beside *= buckets.background_at(float(pose.place[0]), float(pose.place[1]))
+        if beside > 0.0:
+            np.maximum(self._histogram - beside, 0.0, out=self._histogram)
+        return own_events(int(count), beside * len(self._histogram)), float(age)
 
     def _observe_tip(
         self,

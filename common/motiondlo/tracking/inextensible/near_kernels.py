@@ -30,23 +30,14 @@ def mark_tiles(points, reach_px, bit, width, height, tiles):  # type: ignore[no-
 
 
 @numba.njit(cache=True, nogil=True)
-def count_near(x, y, tiles, hits, counts):  # type: ignore[no-untyped-def]
-    """Count events per bit of their tile. x, y: (N,) uint16 inside the sensor or not; counts: (32,) int64, added to.
-
-    hits: (rows, columns) int32, all zero, and left so.
-    """
+def count_near(hits, tiles, counts):  # type: ignore[no-untyped-def]
+    """Count events per bit of their tile. hits: (rows, columns) int32 events a tile; counts: (32,) int64, added to."""
     rows, columns = tiles.shape
-    for i in range(x.shape[0]):
-        r = y[i] >> TILE_SHIFT
-        c = x[i] >> TILE_SHIFT
-        if r < rows and c < columns:
-            hits[r, c] += 1
     for r in range(rows):
         for c in range(columns):
             n = hits[r, c]
             if n == 0:
                 continue
-            hits[r, c] = 0
             flags = tiles[r, c]
             bit = 0
             while flags:

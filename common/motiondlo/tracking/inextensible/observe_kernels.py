@@ -11,11 +11,21 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from motiondlo.events.bucket_kernels import COORDINATE_MASK, TIME_SHIFT, X_SHIFT, Y_MASK, Y_SHIFT, tiles_around
+from motiondlo.events.bucket_kernels import (
+    COORDINATE_MASK,
+    TIME_SHIFT,
+    X_SHIFT,
+    Y_MASK,
+    Y_SHIFT,
+    tile_at,
+    tiles_around,
+)
 
 BINS_PER_PX = 2
 EVENT_CAPACITY = 1500
 ENOUGH = 3.0
+BACKGROUND_SIGMAS = 2.0
+"""What is counted above the background is so many standard deviations of it."""
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
@@ -109,6 +119,7 @@ def observe_stations(  # type: ignore[no-untyped-def]
     rings,
     heads,
     columns,
+    background,
     t_us,
     points,
     theta,
@@ -122,6 +133,7 @@ def observe_stations(  # type: ignore[no-untyped-def]
     active,
     llr,
     outside,
+    floor,
     half_px,
     latency_ms,
     window_min_ms,
@@ -138,9 +150,11 @@ def observe_stations(  # type: ignore[no-untyped-def]
 ):
     """Offset of every active station along its normal, by maximum likelihood over shifts of its profile.
 
-    llr: (m, 2, nT) float32 log-likelihood ratios against a uniform density; outside: the ratio beyond the profile.
-    Out, all (m,): offset px, sigma px (0: no measurement), mean age ms, count of events in the window, quality (mean
-    log-likelihood ratio an event), window ms.
+    llr: (m, 2, nT) float32 log-likelihood ratios against a uniform density; outside: the ratio beyond the profile;
+    floor: what was added to either density. background: (tiles,) float32 events/px/ms that lie there in any case: they
+    are not counted, and the ratios are those of the profile on top of them. Where they would hide everything a station
+    becomes inactive. Out, all (m,): offset px, sigma px (0: no measurement), mean age ms, count of events in the window
+    that are surely more than the background, quality (mean log-likelihood ratio an event), window ms.
     """
     m, _, bins = llr.shape
     band_max = 0.0
@@ -171,13 +185,16 @@ def observe_stations(  # type: ignore[no-untyped-def]
         expected = density[i] * half_px * window_min_ms
         half = half_px * min(max(ENOUGH * n_target / max(expected, 1.0), 1.0 / 3.0), 1.0)
         longest = min(window_max_ms[i], max(1.25 * last_ms + 0.25, window_min_ms))
+        beside = background[tile_at(points[i, 0], points[i, 1], heads, columns)]
         n = 0
+        per_ms = 0.0
         for _ in range(2):
             n = collect_station(
                 rings, heads, columns, t_us, points[i, 0], points[i, 1], theta[i], kappa[i], vn[i], vt[i], omega[i],
                 longest, reach, half, latency_ms, d_buf, age_buf, sign_buf,
             )  # fmt: skip
-            if n >= n_target or (half == half_px and longest == window_max_ms[i]):
+            per_ms = 4.0 * beside * half * reach
+            if n - per_ms * longest >= n_target or (half == half_px and longest == window_max_ms[i]):
                 break
             half = half_px
             longest = window_max_ms[i]
@@ -189,7 +206,7 @@ def observe_stations(  # type: ignore[no-untyped-def]
         for k in range(64):
             total += ages[k]
             w = 0.25 * (k + 1)
-            if (total >= n_target and w >= window_min_ms) or w >= window_max_ms[i]:
+            if (total - per_ms * w >= n_target and w >= window_min_ms) or w >= window_max_ms[i]:
                 break
         w = min(w, window_max_ms[i])
         window_ms[i] = w
@@ -201,11 +218,17 @@ def observe_stations(  # type: ignore[no-untyped-def]
                 sign_buf[used] = sign_buf[k]
                 age_sum += age_buf[k]
                 used += 1
-        count[i] = used
-        density[i] = used / (half * w)
-        if used < n_min:
+        unsure = BACKGROUND_SIGMAS * np.sqrt(per_ms * w)
+        if unsure > n_target:
+            active[i] = 0
+            continue
+        own = max(used - per_ms * w, 0.0)
+        count[i] = int(max(own - unsure, 0.0))
+        density[i] = own / (half * w)
+        if count[i] < n_min:
             continue
         age[i] = age_sum / used
+        hidden = np.float32(0.5 / BINS_PER_PX * 2.0 * half * beside * w / (max(own, 1.0) * (0.5 / bins + floor)))
         binned = histogram[:, : bins + 2 * reach_bins]
         bin_events(d_buf, sign_buf, used, binned)
         pad = 2 * reach_bins
@@ -215,6 +238,9 @@ def observe_stations(  # type: ignore[no-untyped-def]
                 padded[g, pad + bins + b] = outside
             for b in range(bins):
                 padded[g, pad + b] = llr[i, g, bins - 1 - b]
+            if hidden > 0.0:
+                for b in range(bins):
+                    padded[g, pad + b] = np.log((np.exp(padded[g, pad + b]) + hidden) / (1.0 + hidden))
         score_shifts(binned, padded, reach_bins, False, scores)
         best = np.float32(-1e9)
         at = 0
@@ -244,7 +270,7 @@ def observe_stations(  # type: ignore[no-untyped-def]
         fine = min(max(fine, -1.0), 1.0)
         offset[i] = (at - reach_bins + fine) / BINS_PER_PX
         sigma[i] = np.sqrt(-1.0 / bend)
-        quality[i] = chosen[at] / used
+        quality[i] = chosen[at] / max(own, 1.0)
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
@@ -252,6 +278,7 @@ def learn_profiles(  # type: ignore[no-untyped-def]
     rings,
     heads,
     columns,
+    background,
     t_us,
     points,
     theta,
@@ -291,10 +318,13 @@ def learn_profiles(  # type: ignore[no-untyped-def]
             rings, heads, columns, t_us, points[i, 0], points[i, 1], theta[i], kappa[i], vn[i], vt[i], omega[i],
             window_ms[i], reach, half_px, latency_ms, d_buf, age_buf, sign_buf,
         )  # fmt: skip
-        if n < 25:
+        beside = background[tile_at(points[i, 0], points[i, 1], heads, columns)] * window_ms[i]
+        own = n - 4.0 * beside * half_px * reach
+        if own < 25.0:
             continue
         fresh[:, :] = 0.0
-        weight = 1.0 / n
+        weight = 1.0 / own
+        uniform = weight * 0.5 / BINS_PER_PX * 2.0 * half_px * beside
         for k in range(n):
             u = d_buf[k] * BINS_PER_PX + 0.5 * (bins - 1)
             b = int(u)
@@ -302,11 +332,11 @@ def learn_profiles(  # type: ignore[no-untyped-def]
             if 0 <= b < bins - 1:
                 fresh[sign_buf[k], b] += weight * (1.0 - f)
                 fresh[sign_buf[k], b + 1] += weight * f
-        alpha = rate * min(1.0, n / 100.0)
+        alpha = rate * min(1.0, own / 100.0)
         for g in range(2):
             for b in range(bins):
                 lo, hi = max(b - 1, 0), min(b + 1, bins - 1)
-                smooth = 0.25 * fresh[g, lo] + 0.5 * fresh[g, b] + 0.25 * fresh[g, hi]
+                smooth = 0.25 * fresh[g, lo] + 0.5 * fresh[g, b] + 0.25 * fresh[g, hi] - uniform
                 value = profile[i, g, b]
                 profile[i, g, b] = value + alpha * (smooth - value) + pull * (prior[i, g, b] - value)
                 llr[i, g, b] = np.log((profile[i, g, b] + floor) / (0.5 / bins + floor))

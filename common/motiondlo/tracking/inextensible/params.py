@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
+
+from motiondlo.events.screening_params import ScreeningParams
 
 
-class InextensibleParams(BaseModel):
+class InextensibleParams(ScreeningParams):
     """All lengths in event px, times in ms, velocities in px/ms unless a name says otherwise."""
 
     model_config = ConfigDict(frozen=True, strict=True, extra="forbid")
+
+    # what reaches the buckets: see ScreeningParams
 
     # curve
     output_nodes: int = Field(50, ge=8, le=400, description="nodes of a published DLO")
@@ -134,3 +138,8 @@ class InextensibleParams(BaseModel):
     slip_px_ms: float = Field(0.15, ge=0.0, le=5.0, description="growth of that while it moves and no end is seen")
     slip_share: float = Field(0.03, ge=0.0, le=1.0, description="growth of it on the way, while no free tip is seen")
     visible_support: float = Field(0.35, ge=0.0, le=1.0, description="support above which a node counts as visible")
+
+
+def screening_of(params: InextensibleParams) -> ScreeningParams:
+    """The screening's part of ``params``."""
+    return ScreeningParams(**{name: getattr(params, name) for name in ScreeningParams.model_fields})

@@ -34,6 +34,18 @@ def prepare_stations(  # type: ignore[no-untyped-def]
         active[i] = 1 if inside and lo_px < s_px[i] < hi_px else 0
 
 
+@numba.njit(cache=True, nogil=True)
+def leave_out(p, region, active):  # type: ignore[no-untyped-def]
+    """Do not look at stations in a region. p: (m, 2) places; region: (H, W) uint8, not 0 there; active: (m,) uint8."""
+    height, width = region.shape
+    for i in range(p.shape[0]):
+        if active[i]:
+            x = min(max(int(p[i, 0] + 0.5), 0), width - 1)
+            y = min(max(int(p[i, 1] + 0.5), 0), height - 1)
+            if region[y, x]:
+                active[i] = 0
+
+
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def remember_rates(vn, vn_past, past):  # type: ignore[no-untyped-def]
     """Append vn (m,) to the last four in vn_past (4, m). Returns how many are filled."""

@@ -8,6 +8,7 @@ import time
 import numpy as np
 
 from motiondlo.events.buckets import EventBuckets
+from motiondlo.events.screening import EventScreening
 from motiondlo.events.types import EventBatch, SensorGeometry
 from motiondlo.rejects import RejectReason
 from motiondlo.tracking.carrying import carried_correction
@@ -16,8 +17,8 @@ from motiondlo.tracking.inextensible.confidence import UnexplainedEvents
 from motiondlo.tracking.inextensible.curve_filter import GAP_MS
 from motiondlo.tracking.inextensible.dlo import InextensibleDlo
 from motiondlo.tracking.inextensible.late import PastState
-from motiondlo.tracking.inextensible.near_kernels import MASK_BITS, TILE_SHIFT, count_near, mark_tiles
-from motiondlo.tracking.inextensible.params import InextensibleParams
+from motiondlo.tracking.inextensible.near_kernels import MASK_BITS, count_near, mark_tiles
+from motiondlo.tracking.inextensible.params import InextensibleParams, screening_of
 from motiondlo.tracking.types import Correction, CorrectionKind, TrackUpdate
 
 
@@ -29,14 +30,13 @@ class InextensibleTracker:
         self.params = params
         self.geometry = geometry
         self._surface = EventBuckets(geometry)
+        self.screening = EventScreening(screening_of(params), self._surface)
         self._dlos: dict[int, InextensibleDlo] = {}
         self._gate: CorrectionGate[PastState] = CorrectionGate()
         self._t_us = -1
         self._t_events_us = -1
         self._timed = timed
-        shape = ((geometry.height_px >> TILE_SHIFT) + 1, (geometry.width_px >> TILE_SHIFT) + 1)
-        self._tiles = np.zeros(shape, np.uint32)
-        self._hits = np.zeros(shape, np.int32)
+        self._tiles = np.zeros(self.screening.counts.shape, np.uint32)
         self._tiles_stale = True
         self._counts = np.zeros(MASK_BITS, np.int64)
         self._unexplained = UnexplainedEvents()
@@ -70,7 +70,7 @@ class InextensibleTracker:
         self._apply_due(max(batch.t0_us, 0))
         if batch.t1_us <= self._t_us:
             # Time went back: what the surface holds lies in the future.
-            self._surface.clear()
+            self.screening.clear()
             self._t_us = batch.t0_us
         since_us = batch.t0_us if self._t_us < 0 else min(self._t_us, batch.t0_us)
         span_ms = max(batch.t1_us - since_us, 1) * 1e-3
@@ -99,11 +99,15 @@ class InextensibleTracker:
         surface_ns = 0
         for k in range(steps):
             before_ns = clock()
-            self._surface.update(events[cuts[k] : cuts[k + 1]])
+            self.screening.file(events[cuts[k] : cuts[k + 1]])
             surface_ns += clock() - before_ns
             for dlo in awake:
                 was_frozen = dlo.frozen
-                dlo.step(self._surface, edges_us[k + 1], (edges_us[k + 1] - edges_us[k]) * 1e-3)
+                dt_ms = (edges_us[k + 1] - edges_us[k]) * 1e-3
+                if self.screening.flash:
+                    dlo.coast(dt_ms)
+                else:
+                    dlo.step(self._surface, edges_us[k + 1], dt_ms)
                 if not dlo.frozen or not was_frozen:
                     self._gate.history(dlo.id).record(edges_us[k + 1], dlo.past_state())
                     self._tiles_stale = True
@@ -135,10 +139,8 @@ class InextensibleTracker:
         return all(p.onset_velocity <= dlo.recent_speed < p.slow_velocity for dlo in awake)
 
     def _count_near(self, batch: EventBatch) -> None:
-        """Events of the batch near every DLO; the tiles are drawn anew where a DLO has moved."""
+        """Screen the batch; its events near every DLO; the tiles are drawn anew where a DLO has moved."""
         self._counts[:] = 0
-        if not len(batch.events):
-            return
         if self._tiles_stale:
             self._tiles[:] = 0
             for dlo in self._dlos.values():
@@ -147,7 +149,12 @@ class InextensibleTracker:
                     self.geometry.height_px, self._tiles,
                 )  # fmt: skip
             self._tiles_stale = False
-        count_near(batch.events["x"], batch.events["y"], self._tiles, self._hits, self._counts)
+        moving_bits = 0
+        for dlo in self._dlos.values():
+            moving_bits |= 0 if dlo.frozen else 1 << dlo.id % MASK_BITS
+        self.screening.look(batch, self._tiles, moving_bits)
+        if not self.screening.flash:
+            count_near(self.screening.counts, self._tiles, self._counts)
 
     def _apply_due(self, now_us: int) -> None:
         for correction in self._gate.due(now_us):

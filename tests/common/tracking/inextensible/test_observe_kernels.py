@@ -28,7 +28,7 @@ def buckets_of(scene, until_ms: int, exchanged: bool = False):
         if exchanged:
             events["p"] = 1 - events["p"]
         buckets.update(events)
-    return buckets.rings, buckets.heads, buckets.columns
+    return buckets.rings, buckets.heads, buckets.columns, buckets.background
 
 
 def station_inputs(points: np.ndarray, vn: float):
@@ -40,13 +40,18 @@ def station_inputs(points: np.ndarray, vn: float):
     }  # fmt: skip
 
 
+def llr_floor(llr: np.ndarray) -> float:
+    return 0.5 / llr.shape[2]
+
+
 def observe(buckets, t_us: int, points: np.ndarray, vn: float, llr: np.ndarray, active=None, density=None, target=60):
     m = len(points)
     out = {name: np.zeros(m) for name in ("offset", "sigma", "age", "quality", "window")}
     count = np.zeros(m, np.int64)
     active = np.ones(m, np.uint8) if active is None else active
     observe_stations(
-        *buckets, t_us, *station_inputs(points, vn).values(), np.full(m, 4.0), np.full(m, 6.0), active, llr, 0.0, 6.0,
+        *buckets, t_us, *station_inputs(points, vn).values(), np.full(m, 4.0), np.full(m, 6.0), active, llr, 0.0,
+        llr_floor(llr), 6.0,
         0.0, 1.0, target, 8, 0.4, out["offset"], out["sigma"], out["age"], count, out["quality"], out["window"],
         np.zeros(m) if density is None else density,
     )  # fmt: skip
