@@ -23,6 +23,9 @@ from motiondlo.messages.wire import Tail
 KIB: Final = 1 << 10
 MIB: Final = 1 << 20
 NEVER: Final = 1 << 62
+FAMILIAR_EVERY: Final = 256
+"""The first of so many messages goes through shared memory whatever its size: a reader maps and locks the sender's pool
+with the first one that it gets, for up to 100 ms, which must not be when the first burst comes."""
 _CAP_IPC_LOCK: Final = 14
 
 
@@ -70,7 +73,7 @@ class SharedMemory:
         self._provider: Any = None
         self._why = why_not
         self._threshold_bytes = NEVER
-        self._shared = self._plain = self._exhausted = 0
+        self._messages = self._shared = self._plain = self._exhausted = 0
         if not allowed:
             self._why = self._why or "switched off in the configuration"
             return
@@ -83,7 +86,9 @@ class SharedMemory:
     def payload(self, head: bytes, tail: Tail | None) -> Any:
         """What to put: a shared buffer, or the plain bytes where that is cheaper or the only way."""
         n_bytes = len(head) + (len(tail) if tail is not None else 0)
-        if n_bytes >= self._threshold_bytes:
+        familiar = self._threshold_bytes != NEVER and self._messages % FAMILIAR_EVERY == 0
+        self._messages += 1
+        if n_bytes >= self._threshold_bytes or familiar:
             buffer = self._fill(head, tail, n_bytes)
             if buffer is not None:
                 self._shared += 1

@@ -7,7 +7,7 @@ import resource
 import pytest
 
 from motiondlo.bus import shm
-from motiondlo.bus.shm import KIB, MIB, NEVER, SharedMemory, memlock_problem
+from motiondlo.bus.shm import FAMILIAR_EVERY, KIB, MIB, NEVER, SharedMemory, memlock_problem
 
 HEAD = b"h" * 100
 
@@ -50,3 +50,13 @@ def test_large_messages_take_buffers_until_the_readers_hold_them_all() -> None:
     memory.payload(HEAD, tail)
     assert memory.report().shared_messages == report.shared_messages + 1
     assert memory.payload(b"small", None) == b"small"
+
+
+@pytest.mark.live
+def test_readers_come_to_know_the_pool_before_the_first_large_message() -> None:
+    memory = SharedMemory(4 * MIB, allowed=True)
+    if not memory.report().used:
+        pytest.skip(f"no shared memory here: {memory.report().why}")
+    payloads = [memory.payload(b"small", None) for _ in range(FAMILIAR_EVERY + 1)]
+    assert [k for k, payload in enumerate(payloads) if not isinstance(payload, bytes)] == [0, FAMILIAR_EVERY]
+    assert memory.report().plain_messages == 0, "only large ones that went as copies count as such"
