@@ -35,6 +35,9 @@ def reference_configuration() -> str:
             lines += ["", "# [bus.endpoints]", "# own endpoints instead of the default ports"]
             lines += [f"# {daemon} = {json.dumps(endpoint)}" for daemon, endpoint in default_endpoints().items()]
         if name == "event_tracker":
+            lines += ["", "# [event_tracker.regions]"]
+            lines += _comment(model.model_fields["regions"].description or "")
+            lines += ["# belt = [0, 500, 1280, 620]", "# display = [900, 40, 1200, 60, 1190, 200, 910, 190]"]
             for profile in PROFILES:
                 lines += ["", f"# [event_tracker.parameters] with profile = {json.dumps(profile)}"]
                 lines += [f"# {line}" if not line.startswith("#") else line for line in _profile(profile)]

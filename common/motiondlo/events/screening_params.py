@@ -23,7 +23,7 @@ class ScreeningParams(BaseModel):
     flashes: bool = Field(True, description="keep the events of a flash away, and predict meanwhile")
     flash_share: float = Field(0.5, ge=0.1, le=1.0, description="share of the image's tiles that fire at once")
     flash_events: int = Field(64, ge=2, le=1000, description="events of a tile of 16x16 px that count as firing")
-    flash_ms: float = Field(6.0, ge=1.0, le=500.0, description="longest flash; what lasts longer is background")
+    flash_ms: float = Field(4.5, ge=1.0, le=500.0, description="longest flash; what lasts longer is background")
     flicker: bool = Field(True, description="find lamps that flicker, and leave their events out")
     flicker_lowest_hz: float = Field(80.0, ge=20.0, le=200.0, description="lowest frequency of a lamp")
     flicker_highest_hz: float = Field(130.0, ge=20.0, le=200.0, description="highest frequency of a lamp")

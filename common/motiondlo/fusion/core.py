@@ -124,6 +124,8 @@ class FusionCore:
     def _why_degraded(self, update: TrackUpdate) -> str:
         if 0 <= update.t_us - self._missed_us < _LOSS_SHOWS_US:
             return "more events than this machine can follow: some are left out"
+        if update.disturbed:
+            return update.disturbed
         if self._requests.failures_in_a_row >= self._params.degraded_after_failures:
             return f"segmentation failed {self._requests.failures_in_a_row} times in a row"
         weak = [track.id for track in update.tracks if track.confidence < self._params.degraded_confidence]

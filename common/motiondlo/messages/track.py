@@ -7,7 +7,7 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import Field, model_validator
 
 from motiondlo.messages.arrays import MAX_DLOS, Array, ArraySpec
-from motiondlo.messages.header import Count, Message, Stamp, TimeNs, TimeUs, WireModel, trusted
+from motiondlo.messages.header import Count, Message, ShortText, Stamp, TimeNs, TimeUs, WireModel, trusted
 from motiondlo.messages.segmentation import Nodes, NotNegative, Share, same_length
 from motiondlo.tracking.types import TrackSource, TrackState, TrackUpdate
 
@@ -56,6 +56,7 @@ class TrackMessage(Message):
     events: Count = 0
     stages_ns: Counters = Field(default_factory=dict)
     rejects: Counters = Field(default_factory=dict)
+    disturbed: ShortText = ""
     dlos: Annotated[tuple[TrackModel, ...], Field(max_length=MAX_DLOS)]
 
     @classmethod
@@ -72,6 +73,7 @@ class TrackMessage(Message):
                 "events": update.events,
                 "stages_ns": update.stages_ns,
                 "rejects": update.rejects,
+                "disturbed": update.disturbed,
                 "dlos": tuple(trusted(TrackModel, vars(track)) for track in update.tracks),
             },
         )
@@ -86,6 +88,7 @@ class TrackMessage(Message):
             self.events,
             self.stages_ns,
             self.rejects,
+            self.disturbed,
         )
 
     def wire_map(self, stamp: Stamp) -> dict[str, Any]:
@@ -104,6 +107,7 @@ class TrackMessage(Message):
             "events": self.events,
             "stages_ns": self.stages_ns,
             "rejects": self.rejects,
+            "disturbed": self.disturbed,
             "dlos": [_track_map(dlo) for dlo in self.dlos],
         }
 

@@ -101,6 +101,8 @@ class TrackUpdate:
     """Host time per stage of this update, when asked for."""
     rejects: dict[str, int] = field(default_factory=dict)
     """Corrections refused since the start, per reason."""
+    disturbed: str = ""
+    """Why the events of the batch are not to be believed, so that all is prediction; empty when they are."""
 
 
 class EventTracker(Protocol):

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from motiondlo.events.screening_regions import MOST_REGIONS, wrong_region
 from motiondlo.tracking.backlog import MOST_MERGED, MOST_WAITING, PATIENCE
 from motiondlo_services.event_tracker.core import MOST_EVENTS
 
@@ -18,6 +19,11 @@ class EventTrackerConfig(BaseModel):
     profile: Literal["default", "paper"] = Field(default="default", description="the tracker and its parameter set")
     parameters: dict[str, bool | int | float | str] = Field(
         default_factory=dict, description="parameters of the profile that this cell changes"
+    )
+    regions: dict[str, tuple[float, ...]] = Field(
+        default_factory=dict,
+        max_length=MOST_REGIONS,
+        description="parts of the event image that are left out, by name: x0, y0, x1, y1, or x, y of each corner, px",
     )
     patience: int = Field(
         default=PATIENCE,
@@ -40,3 +46,12 @@ class EventTrackerConfig(BaseModel):
         le=1_000_000,
         description="while several batches wait, those with more events are thinned to about so many, and counted",
     )
+
+    @field_validator("regions")
+    @classmethod
+    def _sound(cls, regions: dict[str, tuple[float, ...]]) -> dict[str, tuple[float, ...]]:
+        for name, corners in regions.items():
+            wrong = wrong_region(corners)
+            if wrong:
+                raise ValueError(f"{name}: {wrong}")
+        return regions

@@ -16,6 +16,7 @@ from motiondlo.tracking.factory import make_tracker, warm_up
 from motiondlo_services.event_tracker.config import EventTrackerConfig
 from motiondlo_services.event_tracker.core import EventTrackerCore
 from motiondlo_services.event_tracker.inheritance import Inheritance
+from motiondlo_services.event_tracker.regions import VERBS, RefusedError, running_config, screening_of, set_region
 from motiondlo_services.runtime.shell import Shell, run_daemon
 
 WAIT_S = 0.1
@@ -32,8 +33,12 @@ def serve(shell: Shell, bus: Bus) -> None:
     """Track until told to stop."""
     # Configuration and core.
     config = shell.section(EventTrackerConfig)
+    tracker = make_tracker(config.profile, config.parameters, shell.cell.geometry)
+    screening = screening_of(tracker)
+    if screening is not None:
+        screening.set_regions(config.regions)
     core = EventTrackerCore(
-        make_tracker(config.profile, config.parameters, shell.cell.geometry),
+        tracker,
         config.patience,
         config.most_merged,
         config.most_waiting,
@@ -44,6 +49,7 @@ def serve(shell: Shell, bus: Bus) -> None:
     batches = bus.subscriber(EVENTS_BATCH, queue=max(config.most_waiting - config.most_merged, 1))
     corrections = bus.subscriber(CORRECTION)
     tracks = bus.publisher(TRACK)
+    commands = bus.serve(VERBS)
     inheritance = Inheritance(time.monotonic_ns())
     shell.ready()
 
@@ -56,7 +62,15 @@ def serve(shell: Shell, bus: Bus) -> None:
     # Loop: this thread receives and computes, so that nothing else competes for the interpreter.
     while shell.running:
         if not core.waiting:
-            bus.wait(WAIT_S, batches, corrections)
+            bus.wait(WAIT_S, batches, corrections, commands)
+        while (command := commands.take()) is not None:
+            try:
+                if command.request.verb == "set_region":
+                    command.answer(set_region(screening, command.request.args))
+                else:
+                    command.answer(running_config(screening, config.model_dump()))
+            except RefusedError as refused:
+                command.refuse(str(refused), refused.what_to_do)
         corrected = take(inheritance.due(time.monotonic_ns()))
         for correction in corrections.drain():
             wanted, superseded = inheritance.sort(correction, time.monotonic_ns())
@@ -76,7 +90,10 @@ def serve(shell: Shell, bus: Bus) -> None:
         shell.lifecycle = "degraded" if core.overloaded else "running"
         shell.problems = ("more events than this machine can follow: some are left out",) if core.overloaded else ()
         shell.take_over(core.counts)
-        shell.tick({"tracks": core.tracks, "queue": core.waiting}, core.rejects.as_dict(), now=corrected or changed)
+        seen = screening.report() if screening is not None else {}
+        shell.tick(
+            {"tracks": core.tracks, "queue": core.waiting, **seen}, core.rejects.as_dict(), now=corrected or changed
+        )
 
 
 def main() -> int:

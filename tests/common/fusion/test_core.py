@@ -312,3 +312,11 @@ def test_OVERLOAD_is_degraded_until_all_events_are_used_again() -> None:
     assert modes[0] == Mode.STATIC
     assert modes[1] == modes[10] == Mode.DEGRADED
     assert modes[-1] == Mode.STATIC
+
+
+def test_FLASH_is_degraded_while_it_lasts() -> None:
+    core, nodes = booted()
+    flash = replace(update(1_002_000, track(0, nodes)), disturbed="a flash: its events are left out")
+    assert core.on_track(flash).mode == Mode.DEGRADED
+    assert "flash" in core.degraded_reason
+    assert core.on_track(update(1_004_000, track(0, nodes))).mode == Mode.STATIC

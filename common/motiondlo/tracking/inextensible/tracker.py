@@ -131,6 +131,7 @@ class InextensibleTracker:
             events=len(events),
             stages_ns=stages,
             rejects=self._gate.rejects.as_dict(),
+            disturbed="a flash: its events are left out" if self.screening.flash else "",
         )
 
     def _slow(self, awake: list[InextensibleDlo]) -> bool:
