@@ -52,6 +52,7 @@ class EventScreening:
         self.flash = False
         """The batch belongs to a flash: none of its events are to be filed."""
         self.totals: dict[str, int] = {"flashes": 0, "flash_batches": 0, "masked_events": 0, "flicker_events": 0}
+        self._both = np.zeros(shape, np.int64)
         self._ups = np.zeros(shape, np.int32)
         self._busy = np.zeros(shape, np.float32)
         self._rate = np.zeros(shape, np.float32)
@@ -95,8 +96,8 @@ class EventScreening:
         span_us = max(batch.t1_us - batch.t0_us, 1)
         span_ms = span_us * 1e-3
         count_tiles(
-            event_words(batch.events), self.masked, self.geometry.width_px, self.geometry.height_px, self.counts,
-            self._ups,
+            event_words(batch.events), self.masked, self.geometry.width_px, self.geometry.height_px, self._both,
+            self.counts, self._ups,
         )  # fmt: skip
         if self.params.flashes:
             self._judge_flash(batch, span_ms)

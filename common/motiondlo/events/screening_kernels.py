@@ -12,6 +12,7 @@ import numpy as np
 from motiondlo.events.bucket_kernels import COORDINATE_MASK, TILE_SHIFT, TIME_SHIFT, X_SHIFT, Y_MASK, Y_SHIFT
 
 REGION, HOT = 1, 2
+_POLARITY = np.int64(1 << 32)
 TILE_PX2 = float(1 << (2 * TILE_SHIFT))
 LEVELS = 256
 NEW_BURST = 0.35
@@ -19,10 +20,11 @@ NEW_BURST = 0.35
 
 
 @numba.njit(cache=True, nogil=True)
-def count_tiles(packed, masked, width, height, counts, ups):  # type: ignore[no-untyped-def]
-    """Count events per tile, all in counts (R, C) int32 and those of polarity 1 in ups (R, C) int32."""
-    counts[:, :] = 0
-    ups[:, :] = 0
+def count_tiles(packed, masked, width, height, both, counts, ups):  # type: ignore[no-untyped-def]
+    """Count events per tile, all in counts (R, C) int32 and those of polarity 1 in ups (R, C) int32.
+
+    both: (R, C) int64 scratch, all zero and left so: an event costs one addition.
+    """
     masking = masked.shape[0] > 0
     for i in range(packed.shape[0]):
         place = packed[i, 1]
@@ -30,8 +32,12 @@ def count_tiles(packed, masked, width, height, counts, ups):  # type: ignore[no-
         y = (place >> 16) & 0xFFFF
         if x >= width or y >= height or (masking and masked[y, x]):
             continue
-        counts[y >> TILE_SHIFT, x >> TILE_SHIFT] += 1
-        ups[y >> TILE_SHIFT, x >> TILE_SHIFT] += (place >> 32) & 1
+        both[y >> TILE_SHIFT, x >> TILE_SHIFT] += 1 + (place & _POLARITY)
+    for r in range(both.shape[0]):
+        for c in range(both.shape[1]):
+            counts[r, c] = both[r, c] & 0xFFFFFFFF
+            ups[r, c] = both[r, c] >> 32
+            both[r, c] = 0
 
 
 @numba.njit(cache=True, nogil=True)
