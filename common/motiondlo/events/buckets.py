@@ -30,7 +30,8 @@ class EventBuckets:
         self.geometry = geometry
         self.columns = ((geometry.width_px - 1) >> TILE_SHIFT) + 1
         rows = ((geometry.height_px - 1) >> TILE_SHIFT) + 1
-        self.rings: npt.NDArray[np.int64] = np.zeros((rows * self.columns, CAPACITY), np.int64)
+        # Written once, so that no page is mapped while something moves.
+        self.rings: npt.NDArray[np.int64] = np.full((rows * self.columns, CAPACITY), 0, np.int64)
         self.heads: npt.NDArray[np.int64] = np.zeros(rows * self.columns, np.int64)
         self.last_us: npt.NDArray[np.int64] = np.full((2, geometry.height_px, geometry.width_px), NEVER_US, np.int64)
         self.background: npt.NDArray[np.float32] = np.zeros(rows * self.columns, np.float32)
