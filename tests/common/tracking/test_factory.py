@@ -17,7 +17,8 @@ from motiondlo.tracking.types import Correction, CorrectionKind
 
 def compiled() -> dict[str, int]:
     """Signatures per kernel of the trackers."""
-    kernels = [o for o in gc.get_objects() if isinstance(o, numba.core.dispatcher.Dispatcher)]
+    # By type: isinstance asks every object for its class, and some libraries' objects answer with a warning.
+    kernels = [o for o in gc.get_objects() if issubclass(type(o), numba.core.dispatcher.Dispatcher)]
     return {
         f"{k.py_func.__module__}.{k.py_func.__name__}": len(k.signatures)
         for k in kernels
