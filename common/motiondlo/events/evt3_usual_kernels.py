@@ -1,7 +1,7 @@
 """The usual words of EVT3 in a tight loop: rows, single events, and time lows that go on as expected.
 
-In dense data rows and events follow one another at random, so that a branch on the type of the word is predicted wrongly
-every other time, which costs more than the rest of the decoding: here one loop does both, without a branch.
+In dense data rows and events follow one another at random, so that a branch on the type of the word is predicted
+wrongly every other time, which costs more than the rest of the decoding: here one loop does both, without a branch.
 """
 
 from __future__ import annotations
