@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from motiondlo.events.buckets import EventBuckets
 from motiondlo.events.types import SensorGeometry
@@ -29,8 +28,6 @@ from motiondlo.tracking.inextensible.shape import STRIDE
 from motiondlo.tracking.inextensible.step_kernels import largest_innovation, place_end, publish_nodes
 from motiondlo.tracking.inextensible.update_kernels import advance, look, remember
 from motiondlo.tracking.types import Correction, TrackSource, TrackState
-
-Int64Array = npt.NDArray[np.int64]
 
 
 class InextensibleDlo(CurveFilter):
@@ -136,7 +133,6 @@ class InextensibleDlo(CurveFilter):
         """Advance to ``t_us`` with everything on the surface."""
         p = self.params
         n = self.n
-        surface = buckets.last_us
         self._turn += 1
         bridged_ms = self.bridge(dt_ms)
         lo_px, hi_px = self._extent()
@@ -189,7 +185,7 @@ class InextensibleDlo(CurveFilter):
             self.unproved_px = 0.0
         elif not self.frozen:
             self.unproved_px += speed * dt_ms
-        self._follow_held_ends(surface, t_us)
+        self._follow_held_ends(buckets, t_us)
         self._follow_open_ends()
         for k, pose in enumerate(poses):
             self.end_velocity[k] = (float(pose.velocity[0]), float(pose.velocity[1]))
@@ -228,7 +224,7 @@ class InextensibleDlo(CurveFilter):
                 extent.append(self.end_s_px(end.index) + sign * 0.25 * self.params.station_px)
         return extent[0], extent[1]
 
-    def _follow_held_ends(self, surface: Int64Array, t_us: int) -> None:
+    def _follow_held_ends(self, buckets: EventBuckets, t_us: int) -> None:
         """Learn how far a held DLO is seen to go on into what holds it."""
         p = self.params
         for end in self.ends:
@@ -237,9 +233,10 @@ class InextensibleDlo(CurveFilter):
             inward = 1 if end.index == 0 else -1
             extent = end.extent
             accumulate_presence(
-                surface, t_us, end.s_px, inward, self.layout.s_lo_px, self.layout.ds_px, STRIDE, self.points,
-                self.theta, self.vn, self.radius_px, self.profile, p.presence_window_ms, p.latency_ms,
-                p.presence_velocity, p.presence_reach_px, p.presence_rate, extent.presence, extent.looks,
+                buckets.rings, buckets.heads, buckets.columns, buckets.last_us, t_us, end.s_px, inward,
+                self.layout.s_lo_px, self.layout.ds_px, STRIDE, self.points, self.theta, self.vn, self.radius_px,
+                self.profile, p.presence_window_ms, p.latency_ms, p.presence_velocity, p.presence_reach_px,
+                p.presence_rate, extent.presence, extent.looks,
             )  # fmt: skip
             if self._turn % 8 == 0:
                 extent.judge(end.jaws_px(self.end_poses[end.index], self.x))
