@@ -11,6 +11,10 @@ import numba
 import numpy as np
 
 from motiondlo.events.bucket_kernels import COORDINATE_MASK, TIME_SHIFT, X_SHIFT, Y_MASK, Y_SHIFT, tiles_around
+from motiondlo.tracking.inextensible.rival_kernels import intensity_of, rows_around
+
+END_NEAR = 48
+"""Stations of other DLOs that are considered for one end."""
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
@@ -30,19 +34,26 @@ def shortest_window(ages, target, window_min_ms, window_ms):  # type: ignore[no-
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def collect_patch(  # type: ignore[no-untyped-def]
     rings, heads, columns, t_us, ox, oy, ex, ey, vx, vy, omega, window_min_ms, window_ms, likely_ms, target,
-    latency_ms, a_min, a_max, b_max, keep_out_px, a_out, b_out, age_out,
+    latency_ms, a_min, a_max, b_max, keep_out_px, rivals, block, intensity, a_out, b_out, age_out,
 ):  # fmt: skip
     """Events of the patch, moved to now, in its frame. Returns (count, mean age in ms, window in ms).
 
     rings, heads, columns: the event buckets. The window is the shortest up to ``window_ms`` that holds ``target``
     events; ``likely_ms`` is a guess of it that saves looking further back.
     (ox, oy): origin; (ex, ey): outward direction; (vx, vy) px/ms and omega rad/ms: the patch's motion. Within
-    ``keep_out_px`` of the axis, events before the origin (a < 0) belong to the DLO and are left out.
+    ``keep_out_px`` of the axis, events before the origin (a < 0) belong to the DLO and are left out; so are those that
+    other DLOs explain better than the patch does, which makes ``intensity`` events/px^2/ms (rivals, block: see
+    :func:`motiondlo.tracking.inextensible.observe_kernels.observe_stations`).
     """
     capacity = a_out.shape[0]
     ages = np.zeros(64, np.int64)
+    near = np.empty(END_NEAR, np.int64)
     count = 0
     longest = min(window_ms, likely_ms)
+    n_near = rows_around(
+        rivals, block, ox + 0.5 * (a_min + a_max) * ex, oy + 0.5 * (a_min + a_max) * ey, vx, vy, window_ms,
+        0.5 * (a_max - a_min) + b_max, near,
+    )  # fmt: skip
     while True:
         oldest = longest + latency_ms
         slack = abs(omega) * (max(abs(a_min), abs(a_max)) + b_max) * oldest + 1.0
@@ -73,6 +84,8 @@ def collect_patch(  # type: ignore[no-untyped-def]
                     a = ex * dx + ey * dy
                     b = -ey * dx + ex * dy
                     if a < a_min or a >= a_max or abs(b) >= b_max or (a < 0.0 and abs(b) < keep_out_px):
+                        continue
+                    if n_near > 0 and intensity_of(rivals, near, n_near, word, latency_ms) > intensity:
                         continue
                     if count < capacity:
                         a_out[count] = a
@@ -209,9 +222,14 @@ def learn_patch(template, log_template, a, b, count, a_min, b_max, rate, floor):
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def collect_tip(  # type: ignore[no-untyped-def]
-    rings, heads, columns, t_us, px, py, ex, ey, vx, vy, window_ms, latency_ms, half_width_px, histogram
-):
-    """Histogram of events along the outward tangent at a tip, moved to now. Returns (count, mean age in ms)."""
+    rings, heads, columns, t_us, px, py, ex, ey, vx, vy, window_ms, latency_ms, half_width_px, rivals, block, intensity,
+    histogram,
+):  # fmt: skip
+    """Histogram of events along the outward tangent at a tip, moved to now. Returns (count, mean age in ms).
+
+    What other DLOs explain better than a tip of ``intensity`` events/px^2/ms is left out (see :func:`collect_patch`).
+    """
+    near = np.empty(END_NEAR, np.int64)
     histogram[:] = 0.0
     reach = (histogram.shape[0] - 1) // 2
     oldest = window_ms + latency_ms
@@ -222,6 +240,8 @@ def collect_tip(  # type: ignore[no-untyped-def]
     )  # fmt: skip
     floor = np.int64(t_us - window_ms * 1000.0 + 1.0) << TIME_SHIFT
     size = rings.shape[1]
+    reach_px = reach + half_width_px
+    n_near = rows_around(rivals, block, px, py, vx, vy, window_ms, reach_px, near)
     count = 0
     ages = 0.0
     for r in range(r0, r1 + 1):
@@ -241,6 +261,8 @@ def collect_tip(  # type: ignore[no-untyped-def]
                 if abs(-ey * dx + ex * dy) <= half_width_px:
                     bin_ = int(np.floor(ex * dx + ey * dy + reach + 0.5))
                     if 0 <= bin_ < histogram.shape[0]:
+                        if n_near > 0 and intensity_of(rivals, near, n_near, word, latency_ms) > intensity:
+                            continue
                         histogram[bin_] += 1.0
                         count += 1
                         ages += age

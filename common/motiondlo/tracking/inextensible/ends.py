@@ -23,6 +23,7 @@ from motiondlo.tracking.inextensible.filter_kernels import END_A, RATIO_A
 from motiondlo.tracking.inextensible.held_extent import HeldExtent
 from motiondlo.tracking.inextensible.observe_kernels import BACKGROUND_SIGMAS
 from motiondlo.tracking.inextensible.params import InextensibleParams
+from motiondlo.tracking.inextensible.rivals import no_rivals
 
 _PATCH_CAPACITY = 8000
 _TIP_REACH_PX = 40
@@ -30,6 +31,8 @@ _TIP_STEP_PX = 2.0
 """Where the events of a tip end, beyond it."""
 _TIP_SEARCH_PX = 14
 _TIP_SEARCH_NEW_PX = 34
+CONCENTRATED = 3.0
+"""How much denser the events of an end are where they are than on the mean over all its surroundings."""
 
 
 def own_events(count: int, beside: float) -> int:
@@ -56,6 +59,8 @@ class EndTracker:
     learned: int = 0
     tip_learned: int = 0
     patch_events: int = 0
+    patch_rate: float = 0.0
+    """Events of the patch per ms, lately."""
     tip_rate: float = 0.0
     """Events of the tip per ms, lately."""
     background: float = -1.0
@@ -86,6 +91,8 @@ class EndTracker:
         self._window_ms = 1.0
         self._used_ms = p.window_max_ms
         self._tip_moves = False
+        self.rivals = no_rivals()
+        self.block = 0
 
     @property
     def held(self) -> bool:
@@ -190,10 +197,12 @@ class EndTracker:
             pose.place[1] + ratio * lever_y, pose.outward[0], pose.outward[1], pose.velocity[0] * (1.0 + ratio),
             pose.velocity[1] * (1.0 + ratio), pose.omega, p.window_min_ms, self._window_ms,
             1.25 * self._used_ms + 0.25, target, p.latency_ms, -p.patch_inward_px, p.patch_length_px,
-            p.patch_half_width_px, 1.4 * self.radius_px, self._a, self._b, self._age,
+            p.patch_half_width_px, 1.4 * self.radius_px, self.rivals, self.block,
+            CONCENTRATED * self.patch_rate / area_px2, self._a, self._b, self._age,
         )  # fmt: skip
         self._window_ms = self._used_ms = float(window)
         self._own_events = own_events(int(count), beside_per_ms * self._window_ms)
+        self.patch_rate = self._own_events / self._window_ms
         return int(count), float(age)
 
     def _observe_patch(
@@ -259,10 +268,11 @@ class EndTracker:
             rows.add_end(pose, (0.0, 0.0), 1.0, (1.0, lag), float(self._match[2]), sigma)
 
     def _tip_histogram(self, buckets: EventBuckets, t_us: int, pose: EndPose) -> tuple[int, float]:
+        area_px2 = 2.0 * (self.radius_px + 2.0) * len(self._histogram)
         count, age = collect_tip(
             buckets.rings, buckets.heads, buckets.columns, t_us, pose.place[0], pose.place[1], pose.outward[0],
             pose.outward[1], pose.velocity[0], pose.velocity[1], self._window_ms, self.params.latency_ms,
-            self.radius_px + 2.0, self._histogram,
+            self.radius_px + 2.0, self.rivals, self.block, CONCENTRATED * self.tip_rate / area_px2, self._histogram,
         )  # fmt: skip
         beside = 2.0 * (self.radius_px + 2.0) * self._window_ms
         beside *= buckets.background_at(float(pose.place[0]), float(pose.place[1]))

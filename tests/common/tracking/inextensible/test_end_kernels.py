@@ -16,6 +16,7 @@ from motiondlo.tracking.inextensible.end_kernels import (
     match_tip,
     shortest_window,
 )
+from motiondlo.tracking.inextensible.rivals import no_rivals
 
 A_MIN, B_MAX = -20.0, 40.0
 
@@ -79,7 +80,7 @@ def test_patch_is_collected_in_its_own_frame_and_without_the_dlo() -> None:
         buffers = [np.zeros(50, np.float32) for _ in range(3)]
         n, age, window = collect_patch(
             *buckets, 10_000, 100.0, 100.0, -1.0, 0.0, 2.0, 0.0, 0.0, 1.0, 4.0, likely_ms, 300, 0.0, A_MIN, 60.0, B_MAX,
-            12.0, *buffers,
+            12.0, no_rivals(), 0, 0.0, *buffers,
         )  # fmt: skip
         found = sorted(zip(buffers[0][:n].tolist(), buffers[1][:n].tolist(), strict=True))
         assert found == [pytest.approx((-16.0, -20.0)), pytest.approx((28.0, 0.0))]
@@ -119,7 +120,9 @@ def test_tip_events_are_moved_with_the_tip() -> None:
         (9_500, 96, 80, 0),  # too far across
     )
     histogram = np.zeros(81)
-    n, age = collect_tip(*buckets, 10_000, 100.0, 50.0, 1.0, 0.0, 3.0, 0.0, 4.0, 0.0, 10.0, histogram)
+    n, age = collect_tip(
+        *buckets, 10_000, 100.0, 50.0, 1.0, 0.0, 3.0, 0.0, 4.0, 0.0, 10.0, no_rivals(), 0, 0.0, histogram
+    )
     assert n == 1
     assert histogram[40 - 4] == 1.0
     assert age == pytest.approx(2.0)
@@ -142,14 +145,14 @@ def test_no_event_of_a_turned_and_moving_end_is_left_out(angle_rad: float) -> No
     buffers = [np.zeros(8000, np.float32) for _ in range(3)]
     n, *_ = collect_patch(
         *buckets, 10_000, ox, oy, ex, ey, vx, vy, omega, 1.0, 4.0, 4.0, 10**6, latency, A_MIN, 60.0, B_MAX, 12.0,
-        *buffers,
+        no_rivals(), 0, 0.0, *buffers,
     )  # fmt: skip
     assert n == within.sum()
     np.testing.assert_allclose(np.sort(buffers[0][:n]), np.sort(a[within]), atol=1e-4)
     dx, dy = rx + vx * age, ry + vy * age
     along, across = ex * dx + ey * dy, -ey * dx + ex * dy
     histogram = np.zeros(81)
-    n, _ = collect_tip(*buckets, 10_000, ox, oy, ex, ey, vx, vy, 4.0, latency, 10.0, histogram)
+    n, _ = collect_tip(*buckets, 10_000, ox, oy, ex, ey, vx, vy, 4.0, latency, 10.0, no_rivals(), 0, 0.0, histogram)
     want = np.bincount(np.floor(along[(np.abs(across) <= 10.0) & (np.abs(along) < 60.0)] + 60.5).astype(int))
     np.testing.assert_array_equal(histogram, want[20:101])
     assert n == histogram.sum()
