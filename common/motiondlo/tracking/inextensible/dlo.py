@@ -21,6 +21,8 @@ from motiondlo.tracking.inextensible.held_kernels import accumulate_presence
 from motiondlo.tracking.inextensible.late import PastState, carried_innovation, oriented_like
 from motiondlo.tracking.inextensible.params import InextensibleParams
 from motiondlo.tracking.inextensible.profiles import log_ratios, prior_profiles, visible_at_start
+from motiondlo.tracking.inextensible.rival_kernels import lay_out
+from motiondlo.tracking.inextensible.rivals import no_rivals
 from motiondlo.tracking.inextensible.row_kernels import find_end
 from motiondlo.tracking.inextensible.shape import STRIDE
 from motiondlo.tracking.inextensible.step_kernels import largest_innovation, place_end, publish_nodes
@@ -94,6 +96,8 @@ class InextensibleDlo(CurveFilter):
         self._revisions: list[tuple[int, int, FloatArray]] = []
         self._state: TrackState | None = None
         self._confidence = Confidence()
+        self.rivals = no_rivals()
+        self.block = 0
         self.unexplained = 0.0
         """Share of the scene's events that lie near no DLO."""
 
@@ -135,8 +139,8 @@ class InextensibleDlo(CurveFilter):
         rows = self.rows
         rows.count, self.seen, self.could, speed, self.recent_speed = look(
             self.curve, self.places, self.looks, rows.arrays, self.numbers, n, buckets.rings, buckets.heads,
-            buckets.columns, buckets.background, buckets.region, t_us, dt_ms, bridged_ms, self.recent_speed,
-            self.noise_factor, lo_px, hi_px, self.past,
+            buckets.columns, buckets.background, buckets.region, self.rivals, self.block, t_us, dt_ms, bridged_ms,
+            self.recent_speed, self.noise_factor, lo_px, hi_px, self.past,
             # It moved on while nobody looked: silence then does not say that it stayed where it was.
             dt_ms > GAP_MS and not self.frozen,
         )  # fmt: skip
@@ -167,8 +171,9 @@ class InextensibleDlo(CurveFilter):
                 end.learn(buckets, t_us, self._end_pose(end, dt_ms), self.x, trusted)
         self.past = int(remember(
             self.curve, self.places, self.looks, self.numbers, buckets.rings, buckets.heads, buckets.columns,
-            buckets.background, t_us, dt_ms, learn, self._turn, self.past,
+            buckets.background, self.rivals, self.block, t_us, dt_ms, learn, self._turn, self.past,
         ))  # fmt: skip
+        self.lay_out(t_us)
         for end in self.ends:
             if math.isfinite(end.tip_shift_px) or end.patch_events >= p.patch_events_min:
                 self.end_seen_ms[end.index] += dt_ms
@@ -185,6 +190,15 @@ class InextensibleDlo(CurveFilter):
         for k, pose in enumerate(poses):
             self.end_velocity[k] = (float(pose.velocity[0]), float(pose.velocity[1]))
         self._state = None
+
+    def lay_out(self, t_us: int) -> None:
+        """Tell the other DLOs where this one is and how many events it makes."""
+        if len(self.rivals.first) > 2:
+            lay_out(
+                self.rivals, self.rivals.first[self.block], t_us, self.p, self.th, self.kappa, self.vn, self.vt,
+                self.omega, self.sn, self.density, self.active, not self.frozen,
+                0.5 * STRIDE * self.layout.ds_px, self.profile,
+            )  # fmt: skip
 
     def coast(self, dt_ms: float) -> None:
         """Advance by ``dt_ms`` without looking: what there is to see is not to be believed."""

@@ -20,6 +20,13 @@ from motiondlo.events.bucket_kernels import (
     tile_at,
     tiles_around,
 )
+from motiondlo.tracking.inextensible.rival_kernels import (
+    NEAR_CAPACITY,
+    blocks_in_reach,
+    rows_near,
+    share_events,
+    thin_out,
+)
 
 BINS_PER_PX = 2
 EVENT_CAPACITY = 1500
@@ -31,13 +38,13 @@ BACKGROUND_SIGMAS = 2.0
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def collect_station(  # type: ignore[no-untyped-def]
     rings, heads, columns, t_us, px, py, theta, kappa, vn, vt, omega, window_ms, reach_px, half_px, latency_ms,
-    d_out, age_out, sign_out,
+    d_out, age_out, sign_out, word_out,
 ):  # fmt: skip
     """Collect the events of one station, moved to now. Returns their number (at most the outputs' length).
 
     rings, heads, columns: the event buckets. reach_px: largest |d| after motion; half_px: half the station's length
     along t after motion, so that an event belongs to one station only.
-    d_out, age_out: (cap,) float32; sign_out: (cap,) uint8 row of the gradient sign.
+    d_out, age_out: (cap,) float32; sign_out: (cap,) uint8 row of the gradient sign; word_out: (cap,) int64 the event.
     """
     tx, ty = np.cos(theta), np.sin(theta)
     nx, ny = -ty, tx
@@ -77,6 +84,7 @@ def collect_station(  # type: ignore[no-untyped-def]
                 d_out[count] = e
                 age_out[count] = age
                 sign_out[count] = (word & 1) ^ flip
+                word_out[count] = word
                 count += (abs(tau) <= half_px) & (abs(e) <= reach_px)
                 if count == capacity:
                     return count
@@ -84,15 +92,15 @@ def collect_station(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def bin_events(d, sign, count, histogram):  # type: ignore[no-untyped-def]
-    """Count events at offsets d by sign and half pixel. histogram: (2, L) float32, its middle at d = 0."""
+def bin_events(d, sign, share, count, histogram):  # type: ignore[no-untyped-def]
+    """Sum shares of events at offsets d by sign and half pixel. histogram: (2, L) float32, its middle at d = 0."""
     histogram[:, :] = 0.0
     last = histogram.shape[1] - 1
     middle = 0.5 * last + 0.5
     for k in range(count):
         b = int(d[k] * BINS_PER_PX + middle)
         if 0 <= b <= last:
-            histogram[sign[k], b] += np.float32(1.0)
+            histogram[sign[k], b] += share[k]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
@@ -127,10 +135,14 @@ def observe_stations(  # type: ignore[no-untyped-def]
     vn,
     vt,
     omega,
+    sn,
     sv,
     window_max_ms,
     band_px,
     active,
+    rivals,
+    block,
+    profile,
     llr,
     outside,
     floor,
@@ -153,8 +165,11 @@ def observe_stations(  # type: ignore[no-untyped-def]
     llr: (m, 2, nT) float32 log-likelihood ratios against a uniform density; outside: the ratio beyond the profile;
     floor: what was added to either density. background: (tiles,) float32 events/px/ms that lie there in any case: they
     are not counted, and the ratios are those of the profile on top of them. Where they would hide everything a station
-    becomes inactive. Out, all (m,): offset px, sigma px (0: no measurement), mean age ms, count of events in the window
-    that are surely more than the background, quality (mean log-likelihood ratio an event), window ms.
+    becomes inactive. rivals: the stations of all DLOs, of which block number ``block`` is this one's own: an event
+    counts by the share that they leave (:mod:`rival_kernels`); where they leave next to nothing of many a station
+    becomes inactive. sn, sv: (m,) standard deviations of place and rate along the normal; profile: (m, 2, nT) float32.
+    Out, all (m,): offset px, sigma px (0: no measurement), mean age ms, count of events in the window that are surely
+    more than the background, quality (mean log-likelihood ratio an event), window ms.
     """
     m, _, bins = llr.shape
     band_max = 0.0
@@ -168,7 +183,17 @@ def observe_stations(  # type: ignore[no-untyped-def]
     d_buf = np.empty(EVENT_CAPACITY, np.float32)
     age_buf = np.empty(EVENT_CAPACITY, np.float32)
     sign_buf = np.empty(EVENT_CAPACITY, np.uint8)
-    ages = np.zeros(64, np.int64)
+    word_buf = np.empty(EVENT_CAPACITY, np.int64)
+    share_buf = np.ones(EVENT_CAPACITY, np.float32)
+    ages = np.zeros(64)
+    near = np.empty(NEAR_CAPACITY, np.int64)
+    shared = False
+    mean_density = 0.0
+    candidates = 0
+    if rivals.rate.shape[0] > m:
+        widest = 0.5 * (bins - 1) / BINS_PER_PX + band_max
+        candidates = blocks_in_reach(rivals, block, points, active, 2.0 * widest + half_px, rivals.near)
+        mean_density = density[active > 0].mean() if active.any() else 0.0
     for i in range(m):
         offset[i] = 0.0
         sigma[i] = 0.0
@@ -186,23 +211,41 @@ def observe_stations(  # type: ignore[no-untyped-def]
         half = half_px * min(max(ENOUGH * n_target / max(expected, 1.0), 1.0 / 3.0), 1.0)
         longest = min(window_max_ms[i], max(1.25 * last_ms + 0.25, window_min_ms))
         beside = background[tile_at(points[i, 0], points[i, 1], heads, columns)]
+        if shared:
+            share_buf[:] = 1.0
+            shared = False
         n = 0
+        n_near = 0
+        worth = 1
         per_ms = 0.0
         for _ in range(2):
             n = collect_station(
                 rings, heads, columns, t_us, points[i, 0], points[i, 1], theta[i], kappa[i], vn[i], vt[i], omega[i],
-                longest, reach, half, latency_ms, d_buf, age_buf, sign_buf,
+                longest, reach, half, latency_ms, d_buf, age_buf, sign_buf, word_buf,
             )  # fmt: skip
+            mine = float(n)
+            if candidates > 0:
+                n_near = rows_near(
+                    rivals, rivals.near, candidates, points[i, 0], points[i, 1], theta[i], vn[i], vt[i], longest, half,
+                    reach, near,
+                )  # fmt: skip
+            if n_near > 0:
+                shared = True
+                worth, n = thin_out(word_buf, d_buf, age_buf, sign_buf, n)
+                mine = share_events(
+                    rivals, near, n_near, t_us, latency_ms, profile[i], max(density[i], 0.5 * mean_density), sn[i],
+                    abs(vn[i]) < max(v_ambiguous, 2.0 * sv[i]), word_buf, d_buf, sign_buf, n, worth, share_buf,
+                )  # fmt: skip
             per_ms = 4.0 * beside * half * reach
-            if n - per_ms * longest >= n_target or (half == half_px and longest == window_max_ms[i]):
+            if mine - per_ms * longest >= n_target or (half == half_px and longest == window_max_ms[i]):
                 break
             half = half_px
             longest = window_max_ms[i]
         ages[:] = 0
         for k in range(n):
-            ages[min(int(age_buf[k] * 4.0), 63)] += 1
+            ages[min(int(age_buf[k] * 4.0), 63)] += share_buf[k]
         w = window_min_ms
-        total = 0
+        total = 0.0
         for k in range(64):
             total += ages[k]
             w = 0.25 * (k + 1)
@@ -211,26 +254,32 @@ def observe_stations(  # type: ignore[no-untyped-def]
         w = min(w, window_max_ms[i])
         window_ms[i] = w
         used = 0
+        weight = 0.0
         age_sum = 0.0
         for k in range(n):
             if age_buf[k] <= w:
                 d_buf[used] = d_buf[k]
                 sign_buf[used] = sign_buf[k]
-                age_sum += age_buf[k]
+                share_buf[used] = share_buf[k]
+                weight += share_buf[k]
+                age_sum += share_buf[k] * age_buf[k]
                 used += 1
         unsure = BACKGROUND_SIGMAS * np.sqrt(per_ms * w)
         if unsure > n_target:
             active[i] = 0
             continue
-        own = max(used - per_ms * w, 0.0)
+        own = max(weight - per_ms * w, 0.0)
         count[i] = int(max(own - unsure, 0.0))
         density[i] = own / (half * w)
         if count[i] < n_min:
+            if n_near > 0 and worth * used - weight > n_min:
+                # What others leave is too little to tell whether it is silent.
+                active[i] = 0
             continue
-        age[i] = age_sum / used
+        age[i] = age_sum / weight
         hidden = np.float32(0.5 / BINS_PER_PX * 2.0 * half * beside * w / (max(own, 1.0) * (0.5 / bins + floor)))
         binned = histogram[:, : bins + 2 * reach_bins]
-        bin_events(d_buf, sign_buf, used, binned)
+        bin_events(d_buf, sign_buf, share_buf, used, binned)
         pad = 2 * reach_bins
         for g in range(2):
             for b in range(pad):
@@ -286,8 +335,12 @@ def learn_profiles(  # type: ignore[no-untyped-def]
     vn,
     vt,
     omega,
+    sn,
     window_ms,
     good,
+    rivals,
+    block,
+    density,
     turn,
     turns,
     v_min,
@@ -302,24 +355,48 @@ def learn_profiles(  # type: ignore[no-untyped-def]
 ):
     """Move the profiles of stations that were seen in motion towards their events at the corrected curve.
 
-    Every update takes every ``turns``-th station, starting with number ``turn``.
+    Every update takes every ``turns``-th station, starting with number ``turn``; rivals, block as in
+    :func:`observe_stations`.
     prior, profile: (m, 2, nT) float32 densities (each sums to 1); llr is rewritten for the stations learned.
     """
     m, _, bins = profile.shape
     d_buf = np.empty(EVENT_CAPACITY, np.float32)
     age_buf = np.empty(EVENT_CAPACITY, np.float32)
     sign_buf = np.empty(EVENT_CAPACITY, np.uint8)
+    word_buf = np.empty(EVENT_CAPACITY, np.int64)
+    share_buf = np.ones(EVENT_CAPACITY, np.float32)
     fresh = np.empty((2, bins), np.float32)
+    near = np.empty(NEAR_CAPACITY, np.int64)
+    shared = False
     reach = 0.5 * (bins - 1) / BINS_PER_PX
+    candidates = 0
+    if rivals.rate.shape[0] > m:
+        candidates = blocks_in_reach(rivals, block, points, good, 2.0 * reach + half_px, rivals.near)
     for i in range(m):
         if i % turns != turn or not good[i] or abs(vn[i]) < v_min:
             continue
         n = collect_station(
             rings, heads, columns, t_us, points[i, 0], points[i, 1], theta[i], kappa[i], vn[i], vt[i], omega[i],
-            window_ms[i], reach, half_px, latency_ms, d_buf, age_buf, sign_buf,
+            window_ms[i], reach, half_px, latency_ms, d_buf, age_buf, sign_buf, word_buf,
         )  # fmt: skip
+        weight_all = float(n)
+        if shared:
+            share_buf[:] = 1.0
+            shared = False
+        if candidates > 0:
+            n_near = rows_near(
+                rivals, rivals.near, candidates, points[i, 0], points[i, 1], theta[i], vn[i], vt[i], window_ms[i],
+                half_px, reach, near,
+            )  # fmt: skip
+            if n_near > 0:
+                shared = True
+                worth, n = thin_out(word_buf, d_buf, age_buf, sign_buf, n)
+                weight_all = share_events(
+                    rivals, near, n_near, t_us, latency_ms, profile[i], density[i], sn[i], False, word_buf, d_buf,
+                    sign_buf, n, worth, share_buf,
+                )  # fmt: skip
         beside = background[tile_at(points[i, 0], points[i, 1], heads, columns)] * window_ms[i]
-        own = n - 4.0 * beside * half_px * reach
+        own = weight_all - 4.0 * beside * half_px * reach
         if own < 25.0:
             continue
         fresh[:, :] = 0.0
@@ -330,8 +407,8 @@ def learn_profiles(  # type: ignore[no-untyped-def]
             b = int(u)
             f = u - b
             if 0 <= b < bins - 1:
-                fresh[sign_buf[k], b] += weight * (1.0 - f)
-                fresh[sign_buf[k], b + 1] += weight * f
+                fresh[sign_buf[k], b] += weight * share_buf[k] * (1.0 - f)
+                fresh[sign_buf[k], b + 1] += weight * share_buf[k] * f
         alpha = rate * min(1.0, own / 100.0)
         for g in range(2):
             for b in range(bins):
