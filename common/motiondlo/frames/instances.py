@@ -44,6 +44,8 @@ class Dlo:
     edge_support: float
     width_spread: float
     edge_blur: float
+    straight: bool
+    """Whether each of its measured pieces is as straight as a machine's parts are."""
 
 
 def end_tangent(centre: FloatArray, side: int, width: float) -> FloatArray:
@@ -156,6 +158,7 @@ def _join_from(
         float((lengths * [m.edge_support for m in members]).sum() / lengths.sum()),
         float((lengths * [m.width_spread for m in members]).sum() / lengths.sum()),
         blur,
+        all(is_straight(m.centre, params.instance) for m in members),
     )
 
 
@@ -168,15 +171,14 @@ def score_dlo(dlo: Dlo, params: FrameParams) -> float:
 
 
 def is_block(dlo: Dlo, params: InstanceParams) -> bool:
-    """Whether it is a part of a gripper rather than a DLO: short for its width, as straight as only rigid things are,
-    attached to or hidden by something at one end, and without a tip at the other.
+    """Whether it is a part of a gripper rather than a DLO: short for its width, made of pieces as straight as only
+    rigid things are or with ragged edges, attached to or hidden by something at one end, and without a tip at the other.
     """
     if not {EndKind.HELD, EndKind.HIDDEN} & set(dlo.ends) or EndKind.TIP in dlo.ends:
         return False
     if float(arc_length(dlo.centre)[-1]) >= params.block_length_w * dlo.width:
         return False
-    ragged = EndKind.BORDER in dlo.ends and dlo.edge_support < _RAGGED
-    return ragged or is_straight(dlo.centre, params)
+    return dlo.edge_support < _RAGGED or dlo.straight
 
 
 def is_arm(segment: Segment, kinds: tuple[EndKind, EndKind], params: InstanceParams) -> bool:

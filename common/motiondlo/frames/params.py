@@ -172,7 +172,7 @@ class InstanceParams(_Params):
     block_length_w: float = Field(
         default=12.0, ge=0.0, le=100.0, description="classical: what is held, shorter and straight is a gripper's part"
     )
-    block_straightness: float = Field(default=0.005, ge=0.0, le=0.1, description="its bow over its length")
+    block_straightness: float = Field(default=0.02, ge=0.0, le=0.1, description="its bow over its length")
     min_score: float = Field(default=0.45, ge=0.0, le=1.0, description="instances below are dropped")
     max_instances: int = Field(default=16, ge=1, le=200, description="the best so many are kept")
 
