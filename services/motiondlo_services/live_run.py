@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import socket
 import time
 from collections.abc import Callable
@@ -28,6 +29,9 @@ _AFTER_S = 0.8
 _WAIT_S = 0.02
 _CPU_PERIOD_S = 0.25
 _LOAD_PERIOD_S = 0.05
+_KERNELS_PORTS = Path("/proc/sys/net/ipv4/ip_local_port_range")
+_USUAL_KERNELS_PORT = 32768
+_LOWEST_PORT = 12_000
 
 
 @dataclass
@@ -60,12 +64,18 @@ class LiveRun:
 
 
 def free_first_port() -> int:
-    """A port such that it and the following ones, one per daemon, are free on loopback now."""
+    """A port such that it and the following ones, one per daemon, are free on loopback now.
+
+    Below the ports that the kernel hands out to connections: one of those may be taken before its daemon is up.
+    """
+    try:
+        kernels = int(_KERNELS_PORTS.read_text(encoding="ascii").split()[0])
+    except (OSError, ValueError, IndexError):
+        kernels = _USUAL_KERNELS_PORT
+    last = max(kernels, _LOWEST_PORT + 2 * len(PROCESSES)) - len(PROCESSES)
     for _ in range(100):
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            first = int(probe.getsockname()[1])
-        if first + len(PROCESSES) < 65_000 and all(_is_free(first + k) for k in range(len(PROCESSES))):
+        first = random.randrange(_LOWEST_PORT, last)
+        if all(_is_free(first + k) for k in range(len(PROCESSES))):
             return first
     raise MotionDLOError("No run of free ports on loopback.", "End programs that listen on many ports.")
 

@@ -24,12 +24,11 @@ LARGEST_PX = 1 << 10
 
 
 @numba.njit(cache=True, nogil=True)
-def file_events(packed: Int64Array, last_us: Int64Array, rings: Int64Array, heads: Int64Array, columns: int) -> int:
-    """File events and note their times per pixel; returns how many lay outside the sensor.
+def file_events(packed: Int64Array, width: int, height: int, rings: Int64Array, heads: Int64Array, columns: int) -> int:
+    """File events; returns how many lay outside the sensor.
 
-    packed: (N, 2) (see :func:`motiondlo.events.joining.event_words`); last_us: (2, H, W) newest time per polarity.
+    packed: (N, 2), see :func:`motiondlo.events.joining.event_words`.
     """
-    height, width = last_us.shape[1], last_us.shape[2]
     mask = rings.shape[1] - 1
     outside = 0
     for i in range(len(packed)):
@@ -38,15 +37,36 @@ def file_events(packed: Int64Array, last_us: Int64Array, rings: Int64Array, head
         y = (place >> 16) & 0xFFFF
         if x < width and y < height:
             p = (place >> 32) & 1
-            t = packed[i, 0]
-            last_us[p, y, x] = t
-            tile = (y >> TILE_SHIFT) * columns + (x >> TILE_SHIFT)
+            # Unsigned, so that no index is tested for being negative.
+            tile = np.uintp((y >> TILE_SHIFT) * columns + (x >> TILE_SHIFT))
             head = heads[tile]
-            rings[tile, head & mask] = (t << TIME_SHIFT) | (y << Y_SHIFT) | (x << X_SHIFT) | p
+            rings[tile, np.uintp(head & mask)] = (packed[i, 0] << TIME_SHIFT) | (y << Y_SHIFT) | (x << X_SHIFT) | p
             heads[tile] = head + 1
         else:
             outside += 1
     return outside
+
+
+@numba.njit(cache=True, nogil=True)
+def note_times(rings, heads, columns, last_us, since_us, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
+    """Note the time of the last event per pixel, of events after since_us, in the tiles from (x0, y0) to (x1, y1) px.
+
+    last_us: (2, H, W) int64, per polarity.
+    """
+    size = rings.shape[1]
+    rows = heads.shape[0] // columns
+    floor = np.int64(since_us) << TIME_SHIFT
+    for r in range(max(int(y0) >> TILE_SHIFT, 0), min(int(y1) >> TILE_SHIFT, rows - 1) + 1):
+        for c in range(max(int(x0) >> TILE_SHIFT, 0), min(int(x1) >> TILE_SHIFT, columns - 1) + 1):
+            tile = r * columns + c
+            head = heads[tile]
+            for k in range(head - 1, max(head - size, 0) - 1, -1):
+                word = rings[tile, k & (size - 1)]
+                if word < floor:
+                    break
+                x = (word >> X_SHIFT) & COORDINATE_MASK
+                y = (word >> Y_SHIFT) & Y_MASK
+                last_us[word & 1, y, x] = max(last_us[word & 1, y, x], word >> TIME_SHIFT)
 
 
 @numba.njit(cache=True, nogil=True)

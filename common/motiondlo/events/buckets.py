@@ -2,6 +2,9 @@
 
 Whoever looks for recent events in a small region reads the tiles that touch it, newest first, and stops at the first
 event that is too old: the cost follows the events that are found, not the area that is looked at.
+
+The time per pixel is noted only where and when somebody asks for it: a write to a place of its own for every event took
+as long as all the rest of filing it.
 """
 
 from __future__ import annotations
@@ -18,9 +21,10 @@ CAPACITY = 512
 
 
 class EventBuckets:
-    """``rings`` (tiles, CAPACITY) int64 words, ``heads`` (tiles,) int64, ``last_us`` (2, H, W) int64.
+    """``rings`` (tiles, CAPACITY) int64 words, ``heads`` (tiles,) int64; ``last_us`` (2, H, W) int64.
 
-    The legend of words and tiles is in :mod:`motiondlo.events.bucket_kernels`.
+    The legend of words and tiles is in :mod:`motiondlo.events.bucket_kernels`; ``last_us`` is what
+    :func:`motiondlo.events.bucket_kernels.note_times` made of it, where it was called.
     """
 
     def __init__(self, geometry: SensorGeometry) -> None:
@@ -48,7 +52,14 @@ class EventBuckets:
     def update(self, events: EventArray) -> None:
         """Take events (N,) in time order."""
         if len(events):
-            self.outside += file_events(event_words(events), self.last_us, self.rings, self.heads, self.columns)
+            self.outside += file_events(
+                event_words(events),
+                self.geometry.width_px,
+                self.geometry.height_px,
+                self.rings,
+                self.heads,
+                self.columns,
+            )
 
     def clear(self) -> None:
         """Forget all events."""

@@ -129,6 +129,9 @@ def _take_before(parts: list[EventArray], edge_us: int) -> EventArray:
     taken = []
     while parts:
         first = parts[0]
+        if first["t"][-1] < edge_us:
+            taken.append(parts.pop(0))
+            continue
         n = first_at_or_after(first["t"], 0, edge_us)
         if n == len(first):
             taken.append(parts.pop(0))

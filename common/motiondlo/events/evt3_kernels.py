@@ -25,6 +25,7 @@ from motiondlo.events.damage import (
     C_WITHOUT_ROW,
     C_WITHOUT_TIME,
 )
+from motiondlo.events.evt3_usual_kernels import decode_usual
 from motiondlo.events.time_word_kernels import (
     HIGH_DISPROVED,
     HIGH_REPEATED,
@@ -80,6 +81,8 @@ Int64Array = npt.NDArray[np.int64]
 ByteArray = npt.NDArray[np.uint8]
 
 SHORT_DAMAGE_WORDS = 64
+USUAL_BYTES, PAUSE_BYTES = 32, 128
+"""A run of usual words that is shorter than the first is followed by a pause of the second in looking for runs."""
 _NUMBA = {"cache": True, "nogil": True}
 
 
@@ -278,9 +281,25 @@ def decode_evt3(
     width = state[S_WIDTH]
     height = state[S_HEIGHT]
     damaged = False
+    try_at = pos
+    flat = out.reshape(-1)
     while pos + 1 < end:
         word = np.int64(data[pos]) | (np.int64(data[pos + 1]) << 8)
         kind = word >> 12
+        if believed and pos >= try_at and row >= 0 and kind & ~2 == 0:
+            first = pos
+            pos, rows, lows, n, n_done, row, previous, t_us, floor_us, low, low_done, step_us, mean_step = decode_usual(
+                data, pos, end, width, height, flat, n, n_done, limit, k > k_done, row, previous, t_us, floor_us,
+                high_us, low, low_done, step_us, mean_step,
+            )  # fmt: skip
+            if rows:
+                state[S_REPEATS] = 0
+            if lows:
+                k_done = k
+                limit = n_done + PENDING_MAX
+            # Where other words are frequent the attempt costs more than it saves. Always a word further than here.
+            try_at = pos + (2 if pos - first >= USUAL_BYTES else PAUSE_BYTES)
+            continue
         if kind == 2:
             if synced and row >= 0:
                 x = word & 0x7FF
@@ -315,6 +334,13 @@ def decode_evt3(
                 counts[C_WITHOUT_BASE] += 1
             elif row == ROW_UNKNOWN:
                 counts[C_WITHOUT_ROW] += 1
+            elif row >= 0 and base_x + bits <= width:
+                rest = (row << 16) | (base_p << 32)
+                for i in range(bits):
+                    # Written whether it fired or not: a branch would be predicted wrongly every other time.
+                    out[n, 0] = t_us
+                    out[n, 1] = (base_x + i) | rest
+                    n += (word >> i) & 1
             else:
                 rest = (row << 16) | (base_p << 32)
                 for i in range(bits):

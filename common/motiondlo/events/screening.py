@@ -159,12 +159,13 @@ class EventScreening:
             return
         b = self.buckets
         words = event_words(events)
+        width, height = self.geometry.width_px, self.geometry.height_px
         flicker = self._flicker
         if not len(self.masked) and (flicker is None or flicker.hz == 0.0):
-            b.outside += file_events(words, b.last_us, b.rings, b.heads, b.columns)
+            b.outside += file_events(words, width, height, b.rings, b.heads, b.columns)
             return
         outside, hidden, suppressed = file_screened(
-            words, b.last_us, b.rings, b.heads, b.columns, self.masked,
+            words, width, height, b.rings, b.heads, b.columns, self.masked,
             flicker.tiles if flicker is not None else _NOTHING,
             flicker.bursts if flicker is not None else np.zeros((0, 0, 0), np.int64),
             flicker.period_us if flicker is not None else 1.0, self.params.flicker_tolerance,

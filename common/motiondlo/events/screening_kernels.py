@@ -105,7 +105,7 @@ def write_background(everywhere, busy, rate, busy_share, most, background):  # t
 
 @numba.njit(cache=True, nogil=True)
 def file_screened(  # type: ignore[no-untyped-def]
-    packed, last_us, rings, heads, columns, masked, flicker, bursts, period_us, tolerance
+    packed, width, height, rings, heads, columns, masked, flicker, bursts, period_us, tolerance
 ):
     """As :func:`motiondlo.events.bucket_kernels.file_events`, without what is masked or flickers.
 
@@ -114,7 +114,6 @@ def file_screened(  # type: ignore[no-untyped-def]
     burst is flicker if the one before it began a period ago, give or take ``tolerance`` of it.
     Returns (events outside the sensor, masked, taken for flicker).
     """
-    height, width = last_us.shape[1], last_us.shape[2]
     ring_mask = rings.shape[1] - 1
     masking = masked.shape[0] > 0
     flickering = bursts.shape[0] > 0
@@ -143,7 +142,6 @@ def file_screened(  # type: ignore[no-untyped-def]
             if bursts[p, y, x] & 1:
                 suppressed += 1
                 continue
-        last_us[p, y, x] = t
         tile = (y >> TILE_SHIFT) * columns + (x >> TILE_SHIFT)
         head = heads[tile]
         rings[tile, head & ring_mask] = (t << TIME_SHIFT) | (y << Y_SHIFT) | (x << X_SHIFT) | p

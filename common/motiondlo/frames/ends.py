@@ -27,6 +27,8 @@ _PERSIST_PX = 8
 _LEAST_CHANGE = 11.0
 """Image codes."""
 _EDGES_FROM_W = 3.0
+_SURE_SHARE = 0.8
+"""Share of a step's rows with both edges from which the way so far does not count as a guess."""
 _SHADE = (0.55, 1.06)
 """Range of codes under a cast shadow over codes in the light (codes grow with the 2.2th root of light)."""
 _SHADE_COST = 0.25
@@ -80,8 +82,9 @@ def learn_palette(scene: Scene, centre: FloatArray, width: float) -> Palette:
 def follow_end(scene: Scene, centre: FloatArray, side: int, palette: Palette, reach_px: float) -> FollowedEnd:
     """Follow a curve past its first (side 0) or last (side 1) point.
 
-    centre: (K, 2) image px. reach_px: how far at most. In steps of about half a width: the curve is continued, moved
-    to the middle between both edges, and compared with the palette, until the look changes for good.
+    centre: (K, 2) image px. reach_px: how far at most without both edges, or over things wider than any DLO. In steps
+    of about half a width: the curve is continued, moved to the middle between both edges, and compared with the
+    palette, until the look changes for good.
     """
     width = palette.width
     curve = centre if side == 1 else centre[::-1]
@@ -96,7 +99,8 @@ def follow_end(scene: Scene, centre: FloatArray, side: int, palette: Palette, re
     leaves = False
     stop: float | None = None
     supported: list[npt.NDArray[np.bool_]] = []
-    while len(places) - lead - 1 < reach_px and not leaves:
+    unsure_px = 0.0
+    while unsure_px < reach_px and len(places) < sum(scene.size) and not leaves:
         ahead = continue_curve(tail, width, step + _PERSIST_PX)
         ahead, edged = _recentre(scene, tail, ahead, width)
         inside = np.asarray(((ahead >= 0.0) & (ahead <= size)).all(axis=1), dtype=np.bool_)
@@ -113,6 +117,11 @@ def follow_end(scene: Scene, centre: FloatArray, side: int, palette: Palette, re
         places = np.concatenate([places, ahead[:step]])
         unlike = np.concatenate([unlike, fresh[:step]])
         supported.append(edged[: len(ahead[:step])])
+        sure = float(supported[-1].mean()) > _SURE_SHARE
+        if sure and scene.wide is not None:
+            # A gripper's parts have edges, too.
+            sure = not scene.wide.at(ahead[:step]).any()
+        unsure_px = 0.0 if sure else unsure_px + step
         tail = _tail(np.concatenate([tail, ahead[:step]]), None, 3.5 * width)
         # Far out only edges can tell that it is still the DLO, and not a board that looks like it.
         if len(places) - lead - 1 > _EDGES_FROM_W * width and float(supported[-1].mean()) < 0.5:

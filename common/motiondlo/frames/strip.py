@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from motiondlo.frames.board import BoardModel
 from motiondlo.frames.colour import Float32Array, Image
+from motiondlo.frames.covers import Cover
 from motiondlo.geometry.curve import left_normals, tangents
 
 FloatArray = npt.NDArray[np.float64]
@@ -26,6 +27,8 @@ class Scene:
     image_bgr: Image
     background: Image | None
     board: BoardModel
+    wide: Cover | None = None
+    """What is wider than any DLO: grippers, plates, knots of several DLOs."""
 
     @cached_property
     def image_float(self) -> Float32Array:
@@ -55,6 +58,8 @@ class Strip:
     """(K, V) inside the image."""
     offsets: FloatArray
     """(V,) signed distance from the curve along the left normal, px."""
+    places: FloatArray
+    """(K, V, 2) image px."""
 
 
 def sample_strip(scene: Scene, centre: FloatArray, half_width_px: float, step_px: float) -> Strip:
@@ -84,7 +89,7 @@ def sample_strip(scene: Scene, centre: FloatArray, half_width_px: float, step_px
         code = np.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1.0 / 2.4) - 0.055) * 255.0
         board = np.asarray(code, dtype=np.float32)
     ratio = (image + np.float32(CODE_OFFSET)) / (board + np.float32(CODE_OFFSET))
-    return Strip(image, np.asarray(ratio, dtype=np.float32), known, offsets)
+    return Strip(image, np.asarray(ratio, dtype=np.float32), known, offsets, places)
 
 
 def _remap(image: Float32Array, map_x: Float32Array, map_y: Float32Array) -> Float32Array:

@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from motiondlo.events.bucket_kernels import COORDINATE_MASK, TIME_SHIFT, X_SHIFT, Y_MASK, Y_SHIFT, tiles_around
+from motiondlo.events.bucket_kernels import (
+    COORDINATE_MASK,
+    TIME_SHIFT,
+    X_SHIFT,
+    Y_MASK,
+    Y_SHIFT,
+    note_times,
+    tiles_around,
+)
 from motiondlo.events.buckets import CAPACITY, EventBuckets
 from motiondlo.events.surface import NEVER_US
 from motiondlo.events.types import EVENT_DTYPE, SensorGeometry
@@ -49,10 +57,24 @@ def test_events_outside_are_counted_and_clear_forgets() -> None:
     buckets.update(events)
     assert buckets.outside == 2
     assert buckets.heads.sum() == 8
-    assert buckets.last_us.max() == events["t"][-1]
     buckets.clear()
     assert buckets.heads.sum() == 0
     assert (buckets.last_us == NEVER_US).all()
+
+
+def test_times_per_pixel_are_noted_where_they_are_asked_for() -> None:
+    buckets = EventBuckets(SensorGeometry(64, 48))
+    events = some_events(2000, 64, 48)
+    buckets.update(events)
+    since_us = int(events["t"][1200])
+    note_times(
+        buckets.rings, buckets.heads, buckets.columns, buckets.last_us, since_us, 17.0, -5.0, 40.0, 20.0
+    )  # fmt: skip
+    expected = np.full_like(buckets.last_us, NEVER_US)
+    near = (events["x"] // 16 >= 1) & (events["x"] // 16 <= 2) & (events["y"] // 16 <= 1) & (events["t"] >= since_us)
+    for event in events[near]:
+        expected[event["p"], event["y"], event["x"]] = event["t"]
+    np.testing.assert_array_equal(buckets.last_us, expected)
 
 
 def test_a_sensor_that_does_not_fit_a_word_is_refused() -> None:

@@ -159,18 +159,27 @@ class CurveFilter:
             return None
         return int(seen), float(median), float(fit_px)
 
-    def absorb_correction(self) -> bool:
-        """Update from rows of a late correction; the bend is taken from the result."""
+    def absorb_correction(self, fresh: bool) -> bool:
+        """Update from rows of a late correction; the remembered bend follows by the share that it told us.
+
+        fresh: whether its errors are others than those of the last one. A DLO at rest shows the same picture again, and
+        its shape is no second opinion: the place follows, but is not known any better.
+        """
         p = self.params
         rows = self.rows
         step = self.curve.step
         step[:] = 0.0
+        before, kept = self.sn.copy(), self.cov.copy()
         if not solve(self.cov, step, rows.h, rows.z, rows.w, rows.count, p.student_nu, p.robust_passes, rows.robust):
             self._start_anew()
             return False
         self.x += step
         self.locate()
-        remember_bend(self.n, self.x, 1.0, np.ones(self.m), self.curve.memory)
+        told = np.clip(1.0 - (self.sn / np.maximum(before, 1e-9)) ** 2, 0.0, 1.0)
+        remember_bend(self.n, self.x, 1.0, told, self.curve.memory)
+        if not fresh:
+            self.cov[:] = kept
+            self.locate()
         return True
 
     def _start_anew(self) -> None:

@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from motiondlo.events.buckets import EventBuckets
 from motiondlo.events.types import SensorGeometry
@@ -22,13 +21,13 @@ from motiondlo.tracking.inextensible.held_kernels import accumulate_presence
 from motiondlo.tracking.inextensible.late import PastState, carried_innovation, oriented_like
 from motiondlo.tracking.inextensible.params import InextensibleParams
 from motiondlo.tracking.inextensible.profiles import log_ratios, prior_profiles, visible_at_start
+from motiondlo.tracking.inextensible.rival_kernels import lay_out
+from motiondlo.tracking.inextensible.rivals import no_rivals
 from motiondlo.tracking.inextensible.row_kernels import find_end
 from motiondlo.tracking.inextensible.shape import STRIDE
 from motiondlo.tracking.inextensible.step_kernels import largest_innovation, place_end, publish_nodes
 from motiondlo.tracking.inextensible.update_kernels import advance, look, remember
 from motiondlo.tracking.types import Correction, TrackSource, TrackState
-
-Int64Array = npt.NDArray[np.int64]
 
 
 class InextensibleDlo(CurveFilter):
@@ -93,10 +92,14 @@ class InextensibleDlo(CurveFilter):
         self.recent_speed = 0.0
         self.frozen = correction.velocity_px_s is None
         self.fit_px = 0.0
+        self.stirred_since_shape = not self.frozen
+        """Whether it has moved since the shape that was absorbed last."""
         self._turn = 0
         self._revisions: list[tuple[int, int, FloatArray]] = []
         self._state: TrackState | None = None
         self._confidence = Confidence()
+        self.rivals = no_rivals()
+        self.block = 0
         self.unexplained = 0.0
         """Share of the scene's events that lie near no DLO."""
 
@@ -132,15 +135,14 @@ class InextensibleDlo(CurveFilter):
         """Advance to ``t_us`` with everything on the surface."""
         p = self.params
         n = self.n
-        surface = buckets.last_us
         self._turn += 1
         bridged_ms = self.bridge(dt_ms)
         lo_px, hi_px = self._extent()
         rows = self.rows
         rows.count, self.seen, self.could, speed, self.recent_speed = look(
             self.curve, self.places, self.looks, rows.arrays, self.numbers, n, buckets.rings, buckets.heads,
-            buckets.columns, buckets.background, buckets.region, t_us, dt_ms, bridged_ms, self.recent_speed,
-            self.noise_factor, lo_px, hi_px, self.past,
+            buckets.columns, buckets.background, buckets.region, self.rivals, self.block, t_us, dt_ms, bridged_ms,
+            self.recent_speed, self.noise_factor, lo_px, hi_px, self.past,
             # It moved on while nobody looked: silence then does not say that it stayed where it was.
             dt_ms > GAP_MS and not self.frozen,
         )  # fmt: skip
@@ -160,6 +162,7 @@ class InextensibleDlo(CurveFilter):
         else:
             self.silent_ms = 0.0
             self.frozen = False
+            self.stirred_since_shape = True
             self._confidence.advance(dt_ms, self.seen, self.could)
             fit = self.absorb(dt_ms, self.looks, self.numbers)
             if fit is not None:
@@ -171,8 +174,9 @@ class InextensibleDlo(CurveFilter):
                 end.learn(buckets, t_us, self._end_pose(end, dt_ms), self.x, trusted)
         self.past = int(remember(
             self.curve, self.places, self.looks, self.numbers, buckets.rings, buckets.heads, buckets.columns,
-            buckets.background, t_us, dt_ms, learn, self._turn, self.past,
+            buckets.background, self.rivals, self.block, t_us, dt_ms, learn, self._turn, self.past,
         ))  # fmt: skip
+        self.lay_out(t_us)
         for end in self.ends:
             if math.isfinite(end.tip_shift_px) or end.patch_events >= p.patch_events_min:
                 self.end_seen_ms[end.index] += dt_ms
@@ -184,11 +188,20 @@ class InextensibleDlo(CurveFilter):
             self.unproved_px = 0.0
         elif not self.frozen:
             self.unproved_px += speed * dt_ms
-        self._follow_held_ends(surface, t_us)
+        self._follow_held_ends(buckets, t_us)
         self._follow_open_ends()
         for k, pose in enumerate(poses):
             self.end_velocity[k] = (float(pose.velocity[0]), float(pose.velocity[1]))
         self._state = None
+
+    def lay_out(self, t_us: int) -> None:
+        """Tell the other DLOs where this one is and how many events it makes."""
+        if len(self.rivals.first) > 2:
+            lay_out(
+                self.rivals, self.rivals.first[self.block], t_us, self.p, self.th, self.kappa, self.vn, self.vt,
+                self.omega, self.sn, self.density, self.active, not self.frozen,
+                0.5 * STRIDE * self.layout.ds_px, self.profile,
+            )  # fmt: skip
 
     def coast(self, dt_ms: float) -> None:
         """Advance by ``dt_ms`` without looking: what there is to see is not to be believed."""
@@ -214,7 +227,7 @@ class InextensibleDlo(CurveFilter):
                 extent.append(self.end_s_px(end.index) + sign * 0.25 * self.params.station_px)
         return extent[0], extent[1]
 
-    def _follow_held_ends(self, surface: Int64Array, t_us: int) -> None:
+    def _follow_held_ends(self, buckets: EventBuckets, t_us: int) -> None:
         """Learn how far a held DLO is seen to go on into what holds it."""
         p = self.params
         for end in self.ends:
@@ -223,9 +236,10 @@ class InextensibleDlo(CurveFilter):
             inward = 1 if end.index == 0 else -1
             extent = end.extent
             accumulate_presence(
-                surface, t_us, end.s_px, inward, self.layout.s_lo_px, self.layout.ds_px, STRIDE, self.points,
-                self.theta, self.vn, self.radius_px, self.profile, p.presence_window_ms, p.latency_ms,
-                p.presence_velocity, p.presence_reach_px, p.presence_rate, extent.presence, extent.looks,
+                buckets.rings, buckets.heads, buckets.columns, buckets.last_us, t_us, end.s_px, inward,
+                self.layout.s_lo_px, self.layout.ds_px, STRIDE, self.points, self.theta, self.vn, self.radius_px,
+                self.profile, p.presence_window_ms, p.latency_ms, p.presence_velocity, p.presence_reach_px,
+                p.presence_rate, extent.presence, extent.looks,
             )  # fmt: skip
             if self._turn % 8 == 0:
                 extent.judge(end.jaws_px(self.end_poses[end.index], self.x))
@@ -330,8 +344,9 @@ class InextensibleDlo(CurveFilter):
                 sigma = float(np.sqrt(carried.end_variance_px2[end.index]))
                 rows.add(row, carried.end_shift_px[end.index], sigma, robust=True)
         before = self.p.copy()
-        if not self.absorb_correction():
+        if not self.absorb_correction(fresh=self.stirred_since_shape):
             return False
+        self.stirred_since_shape = not self.frozen
         self._revisions.append((correction.t_us, now_us, self.p - before))
         del self._revisions[:-8]
         self.t_corrected_us = correction.t_us

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from motiondlo.events.bucket_kernels import note_times
 from motiondlo.tracking.inextensible.observe_kernels import BINS_PER_PX
 
 STEP_PX = 2.0
@@ -20,6 +21,8 @@ _LEVEL_FROM_PX = 24.0
 _SIGNS_FROM_PX = 40.0
 _LEAST_LEVEL = 0.2
 _STEP_PLACES = 4
+MOST_TRAVEL_PX = 3.0
+"""Events are looked at while the silhouette went so far, so that a ring still has them."""
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
@@ -40,18 +43,51 @@ def silhouette_signs(profile, station, radius_px):  # type: ignore[no-untyped-de
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
+def note_recent(  # type: ignore[no-untyped-def]
+    rings, heads, columns, last_us, t_us, s_end_px, inward, s_lo_px, ds_px, stride, points, vn, beside_px,
+    window_max_ms, v_min, places,
+):  # fmt: skip
+    """Note the times of the events that any of the places may look at, within beside_px of them."""
+    m = vn.shape[0]
+    samples = points.shape[0]
+    x0, y0, x1, y1 = 1e9, 1e9, -1e9, -1e9
+    slowest = 1e9
+    for k in range(places):
+        u = (s_end_px + inward * (k * STEP_PX - BEYOND_PX) - s_lo_px) / ds_px
+        i = min(max(int(np.floor(u)), 0), samples - 2)
+        q = min(max(u / stride, 0.0), m - 1.0)
+        a = min(int(q), m - 2)
+        v = abs(vn[a] + (q - a) * (vn[a + 1] - vn[a]))
+        if v < v_min:
+            continue
+        slowest = min(slowest, v)
+        x = points[i, 0] + (u - i) * (points[i + 1, 0] - points[i, 0])
+        y = points[i, 1] + (u - i) * (points[i + 1, 1] - points[i, 1])
+        x0, y0, x1, y1 = min(x0, x), min(y0, y), max(x1, x), max(y1, y)
+    if x1 >= x0:
+        since_us = t_us - min(window_max_ms, MOST_TRAVEL_PX / slowest) * 1000.0 - 1.0
+        beside = beside_px + 1.0
+        note_times(rings, heads, columns, last_us, since_us, x0 - beside, y0 - beside, x1 + beside, y1 + beside)
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
 def accumulate_presence(  # type: ignore[no-untyped-def]
-    surface, t_us, s_end_px, inward, s_lo_px, ds_px, stride, points, theta, vn, radius_px, profile, window_max_ms,
-    latency_ms, v_min, reach_px, rate, presence, looks,
+    rings, heads, columns, last_us, t_us, s_end_px, inward, s_lo_px, ds_px, stride, points, theta, vn, radius_px,
+    profile, window_max_ms, latency_ms, v_min, reach_px, rate, presence, looks,
 ):  # fmt: skip
     """Let ``presence`` (2, PLACES) follow the events at either silhouette, from BEYOND_PX outward to INWARD_PX inward.
 
-    inward: 1 where the DLO lies towards larger s, else -1; profile: (m, 2, bins), which says whether luminance rises or
-    falls along the normal at either silhouette; an event within reach_px of a silhouette belongs to it. looks (PLACES,)
-    counts the looks at every place; those that move slower than v_min px/ms across are left as they are.
+    rings to last_us: the event buckets. inward: 1 where the DLO lies towards larger s, else -1; profile: (m, 2, bins),
+    which says whether luminance rises or falls along the normal at either silhouette; an event within reach_px of a
+    silhouette belongs to it. looks (PLACES,) counts the looks at every place; those that move slower than v_min px/ms
+    across are left as they are.
     """
-    height, width = surface.shape[1], surface.shape[2]
+    height, width = last_us.shape[1], last_us.shape[2]
     samples = points.shape[0]
+    note_recent(
+        rings, heads, columns, last_us, t_us, s_end_px, inward, s_lo_px, ds_px, stride, points, vn,
+        radius_px + reach_px + MOST_TRAVEL_PX, window_max_ms, v_min, presence.shape[1],
+    )  # fmt: skip
     m = vn.shape[0]
     rising = silhouette_signs(profile, (s_end_px + inward * _SIGNS_FROM_PX - s_lo_px) / (ds_px * stride), radius_px)
     for k in range(presence.shape[1]):
@@ -72,7 +108,7 @@ def accumulate_presence(  # type: ignore[no-untyped-def]
             continue
         looks[k] += 1
         weight = max(rate, 1.0 / looks[k])
-        window_ms = min(window_max_ms, 3.0 / abs(v))
+        window_ms = min(window_max_ms, MOST_TRAVEL_PX / abs(v))
         t_min = t_us - window_ms * 1000.0
         positive = v >= 0.0
         back = v * window_ms
@@ -88,7 +124,7 @@ def accumulate_presence(  # type: ignore[no-untyped-def]
                 y = int(py + (lo + b) * ny + 0.5)
                 if x < 0 or y < 0 or x >= width or y >= height:
                     continue
-                ts = surface[p, y, x]
+                ts = last_us[p, y, x]
                 if ts > t_min:
                     d = (x - px) * nx + (y - py) * ny + v * ((t_us - ts) * 1e-3 + latency_ms)
                     if abs(d - edge) < reach_px:

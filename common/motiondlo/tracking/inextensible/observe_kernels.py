@@ -11,14 +11,14 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from motiondlo.events.bucket_kernels import (
-    COORDINATE_MASK,
-    TIME_SHIFT,
-    X_SHIFT,
-    Y_MASK,
-    Y_SHIFT,
-    tile_at,
-    tiles_around,
+from motiondlo.events.bucket_kernels import tile_at
+from motiondlo.tracking.inextensible.collect_kernels import collect_station
+from motiondlo.tracking.inextensible.rival_kernels import (
+    NEAR_CAPACITY,
+    blocks_in_reach,
+    rows_near,
+    share_events,
+    thin_out,
 )
 
 BINS_PER_PX = 2
@@ -29,70 +29,15 @@ BACKGROUND_SIGMAS = 2.0
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def collect_station(  # type: ignore[no-untyped-def]
-    rings, heads, columns, t_us, px, py, theta, kappa, vn, vt, omega, window_ms, reach_px, half_px, latency_ms,
-    d_out, age_out, sign_out,
-):  # fmt: skip
-    """Collect the events of one station, moved to now. Returns their number (at most the outputs' length).
-
-    rings, heads, columns: the event buckets. reach_px: largest |d| after motion; half_px: half the station's length
-    along t after motion, so that an event belongs to one station only.
-    d_out, age_out: (cap,) float32; sign_out: (cap,) uint8 row of the gradient sign.
-    """
-    tx, ty = np.cos(theta), np.sin(theta)
-    nx, ny = -ty, tx
-    oldest = window_ms + latency_ms
-    slack = abs(omega) * half_px * oldest + 0.5 * abs(kappa) * half_px * half_px
-    travel_n, travel_t = vn * oldest, vt * window_ms
-    lo_n = -reach_px - max(travel_n, 0.0) - slack
-    hi_n = reach_px - min(travel_n, 0.0) + slack
-    lo_t = -half_px - max(travel_t, 0.0)
-    hi_t = half_px - min(travel_t, 0.0)
-    r0, r1, c0, c1, cx, cy, far_t, far_n = tiles_around(px, py, tx, ty, lo_t, hi_t, lo_n, hi_n, heads, columns)
-    size = rings.shape[1]
-    mask = size - 1
-    floor = np.int64(t_us - window_ms * 1000.0 + 1.0) << TIME_SHIFT
-    positive = vn >= 0.0
-    half_kappa = 0.5 * kappa
-    capacity = d_out.shape[0]
-    count = 0
-    for r in range(r0, r1 + 1):
-        for c in range(c0, c1 + 1):
-            ux = 16.0 * c + 7.5 - cx
-            uy = 16.0 * r + 7.5 - cy
-            if abs(ux * nx + uy * ny) > far_n or abs(ux * tx + uy * ty) > far_t:
-                continue
-            tile = r * columns + c
-            head = heads[tile]
-            for k in range(head - 1, max(head - size, 0) - 1, -1):
-                word = rings[tile, k & mask]
-                if word < floor:
-                    break
-                age = (t_us - (word >> TIME_SHIFT)) * 1e-3
-                rx = ((word >> X_SHIFT) & COORDINATE_MASK) - px
-                ry = ((word >> Y_SHIFT) & Y_MASK) - py
-                tau = rx * tx + ry * ty + vt * age
-                if abs(tau) > half_px:
-                    continue
-                e = rx * nx + ry * ny + (vn + omega * tau) * (age + latency_ms) - half_kappa * tau * tau
-                if abs(e) <= reach_px and count < capacity:
-                    d_out[count] = e
-                    age_out[count] = age
-                    sign_out[count] = 1 if ((word & 1) == 1) == positive else 0
-                    count += 1
-    return count
-
-
-@numba.njit(cache=True, nogil=True, fastmath=True)
-def bin_events(d, sign, count, histogram):  # type: ignore[no-untyped-def]
-    """Count events at offsets d by sign and half pixel. histogram: (2, L) float32, its middle at d = 0."""
+def bin_events(d, sign, share, count, histogram):  # type: ignore[no-untyped-def]
+    """Sum shares of events at offsets d by sign and half pixel. histogram: (2, L) float32, its middle at d = 0."""
     histogram[:, :] = 0.0
     last = histogram.shape[1] - 1
     middle = 0.5 * last + 0.5
     for k in range(count):
         b = int(d[k] * BINS_PER_PX + middle)
         if 0 <= b <= last:
-            histogram[sign[k], b] += np.float32(1.0)
+            histogram[sign[k], b] += share[k]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
@@ -104,14 +49,26 @@ def score_shifts(histogram, reversed_llr, reach_bins, flip, scores):  # type: ig
     """
     width = 2 * reach_bins + 1
     last = histogram.shape[1] - 1
-    scores[:width] = 0.0
+    total = scores[:width]
+    total[:] = 0.0
+    start = np.empty(last + 4, np.int64)
+    weight = np.empty(last + 4, np.float32)
     for g in range(2):
-        row = 1 - g if flip else g
-        for b in range(last + 1):
-            weight = histogram[g, b]
-            if weight > 0.0:
-                for s in range(width):
-                    scores[s] += weight * reversed_llr[row, last - b + s]
+        row = reversed_llr[1 - g if flip else g]
+        n = 0
+        for i in range(last + 1):
+            start[n] = last - i
+            weight[n] = histogram[g, i]
+            n += histogram[g, i] > 0.0
+        start[n : n + 3] = 0
+        weight[n : n + 3] = 0.0
+        # Four bins at a time: what was added is not read back for every one of them.
+        for k in range(0, n, 4):
+            first, second, third, fourth = start[k], start[k + 1], start[k + 2], start[k + 3]
+            a, b, c, d = row[first:], row[second:], row[third:], row[fourth:]
+            wa, wb, wc, wd = weight[k], weight[k + 1], weight[k + 2], weight[k + 3]
+            for s in range(width):
+                total[s] += wa * a[s] + wb * b[s] + wc * c[s] + wd * d[s]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
@@ -127,10 +84,14 @@ def observe_stations(  # type: ignore[no-untyped-def]
     vn,
     vt,
     omega,
+    sn,
     sv,
     window_max_ms,
     band_px,
     active,
+    rivals,
+    block,
+    profile,
     llr,
     outside,
     floor,
@@ -153,8 +114,11 @@ def observe_stations(  # type: ignore[no-untyped-def]
     llr: (m, 2, nT) float32 log-likelihood ratios against a uniform density; outside: the ratio beyond the profile;
     floor: what was added to either density. background: (tiles,) float32 events/px/ms that lie there in any case: they
     are not counted, and the ratios are those of the profile on top of them. Where they would hide everything a station
-    becomes inactive. Out, all (m,): offset px, sigma px (0: no measurement), mean age ms, count of events in the window
-    that are surely more than the background, quality (mean log-likelihood ratio an event), window ms.
+    becomes inactive. rivals: the stations of all DLOs, of which block number ``block`` is this one's own: an event
+    counts by the share that they leave (:mod:`rival_kernels`); where they leave next to nothing of many a station
+    becomes inactive. sn, sv: (m,) standard deviations of place and rate along the normal; profile: (m, 2, nT) float32.
+    Out, all (m,): offset px, sigma px (0: no measurement), mean age ms, count of events in the window that are surely
+    more than the background, quality (mean log-likelihood ratio an event), window ms.
     """
     m, _, bins = llr.shape
     band_max = 0.0
@@ -168,7 +132,17 @@ def observe_stations(  # type: ignore[no-untyped-def]
     d_buf = np.empty(EVENT_CAPACITY, np.float32)
     age_buf = np.empty(EVENT_CAPACITY, np.float32)
     sign_buf = np.empty(EVENT_CAPACITY, np.uint8)
-    ages = np.zeros(64, np.int64)
+    word_buf = np.empty(EVENT_CAPACITY, np.int64)
+    share_buf = np.ones(EVENT_CAPACITY, np.float32)
+    ages = np.zeros(64)
+    near = np.empty(NEAR_CAPACITY, np.int64)
+    shared = False
+    mean_density = 0.0
+    candidates = 0
+    if rivals.rate.shape[0] > m:
+        widest = 0.5 * (bins - 1) / BINS_PER_PX + band_max
+        candidates = blocks_in_reach(rivals, block, points, active, 2.0 * widest + half_px, rivals.near)
+        mean_density = density[active > 0].mean() if active.any() else 0.0
     for i in range(m):
         offset[i] = 0.0
         sigma[i] = 0.0
@@ -184,25 +158,49 @@ def observe_stations(  # type: ignore[no-untyped-def]
         # As far back and as wide as the last look says; all of it where that was too little.
         expected = density[i] * half_px * window_min_ms
         half = half_px * min(max(ENOUGH * n_target / max(expected, 1.0), 1.0 / 3.0), 1.0)
-        longest = min(window_max_ms[i], max(1.25 * last_ms + 0.25, window_min_ms))
+        longer = min(window_max_ms[i], max(1.25 * last_ms + 0.25, window_min_ms))
+        # Where there are plenty, no further back than what will be used; all of what is as old as the window.
+        plenty = candidates == 0 and density[i] * half * window_min_ms > 2.0 * n_target
+        longest = min(longer, window_min_ms + 0.002) if plenty else longer
         beside = background[tile_at(points[i, 0], points[i, 1], heads, columns)]
+        if shared:
+            share_buf[:] = 1.0
+            shared = False
         n = 0
+        n_near = 0
+        worth = 1
         per_ms = 0.0
-        for _ in range(2):
+        for _ in range(3):
             n = collect_station(
                 rings, heads, columns, t_us, points[i, 0], points[i, 1], theta[i], kappa[i], vn[i], vt[i], omega[i],
-                longest, reach, half, latency_ms, d_buf, age_buf, sign_buf,
+                longest, reach, half, latency_ms, d_buf, age_buf, sign_buf, word_buf,
             )  # fmt: skip
+            mine = float(n)
+            if candidates > 0:
+                n_near = rows_near(
+                    rivals, rivals.near, candidates, points[i, 0], points[i, 1], theta[i], vn[i], vt[i], longest, half,
+                    reach, near,
+                )  # fmt: skip
+            if n_near > 0:
+                shared = True
+                worth, n = thin_out(word_buf, d_buf, age_buf, sign_buf, n)
+                mine = share_events(
+                    rivals, near, n_near, t_us, latency_ms, profile[i], max(density[i], 0.5 * mean_density), sn[i],
+                    abs(vn[i]) < max(v_ambiguous, 2.0 * sv[i]), word_buf, d_buf, sign_buf, n, worth, share_buf,
+                )  # fmt: skip
             per_ms = 4.0 * beside * half * reach
-            if n - per_ms * longest >= n_target or (half == half_px and longest == window_max_ms[i]):
+            if mine - per_ms * longest >= n_target or (half == half_px and longest == window_max_ms[i]):
                 break
-            half = half_px
-            longest = window_max_ms[i]
+            if longest < longer:
+                longest = longer
+            else:
+                half = half_px
+                longest = window_max_ms[i]
         ages[:] = 0
         for k in range(n):
-            ages[min(int(age_buf[k] * 4.0), 63)] += 1
+            ages[min(int(age_buf[k] * 4.0), 63)] += share_buf[k]
         w = window_min_ms
-        total = 0
+        total = 0.0
         for k in range(64):
             total += ages[k]
             w = 0.25 * (k + 1)
@@ -211,26 +209,33 @@ def observe_stations(  # type: ignore[no-untyped-def]
         w = min(w, window_max_ms[i])
         window_ms[i] = w
         used = 0
+        weight = 0.0
         age_sum = 0.0
         for k in range(n):
-            if age_buf[k] <= w:
-                d_buf[used] = d_buf[k]
-                sign_buf[used] = sign_buf[k]
-                age_sum += age_buf[k]
-                used += 1
+            inside = age_buf[k] <= w
+            share = share_buf[k] if inside else np.float32(0.0)
+            d_buf[used] = d_buf[k]
+            sign_buf[used] = sign_buf[k]
+            share_buf[used] = share_buf[k]
+            weight += share
+            age_sum += share * age_buf[k]
+            used += inside
         unsure = BACKGROUND_SIGMAS * np.sqrt(per_ms * w)
         if unsure > n_target:
             active[i] = 0
             continue
-        own = max(used - per_ms * w, 0.0)
+        own = max(weight - per_ms * w, 0.0)
         count[i] = int(max(own - unsure, 0.0))
         density[i] = own / (half * w)
         if count[i] < n_min:
+            if n_near > 0 and worth * used - weight > n_min:
+                # What others leave is too little to tell whether it is silent.
+                active[i] = 0
             continue
-        age[i] = age_sum / used
+        age[i] = age_sum / weight
         hidden = np.float32(0.5 / BINS_PER_PX * 2.0 * half * beside * w / (max(own, 1.0) * (0.5 / bins + floor)))
         binned = histogram[:, : bins + 2 * reach_bins]
-        bin_events(d_buf, sign_buf, used, binned)
+        bin_events(d_buf, sign_buf, share_buf, used, binned)
         pad = 2 * reach_bins
         for g in range(2):
             for b in range(pad):
@@ -286,8 +291,12 @@ def learn_profiles(  # type: ignore[no-untyped-def]
     vn,
     vt,
     omega,
+    sn,
     window_ms,
     good,
+    rivals,
+    block,
+    density,
     turn,
     turns,
     v_min,
@@ -302,24 +311,48 @@ def learn_profiles(  # type: ignore[no-untyped-def]
 ):
     """Move the profiles of stations that were seen in motion towards their events at the corrected curve.
 
-    Every update takes every ``turns``-th station, starting with number ``turn``.
+    Every update takes every ``turns``-th station, starting with number ``turn``; rivals, block as in
+    :func:`observe_stations`.
     prior, profile: (m, 2, nT) float32 densities (each sums to 1); llr is rewritten for the stations learned.
     """
     m, _, bins = profile.shape
     d_buf = np.empty(EVENT_CAPACITY, np.float32)
     age_buf = np.empty(EVENT_CAPACITY, np.float32)
     sign_buf = np.empty(EVENT_CAPACITY, np.uint8)
+    word_buf = np.empty(EVENT_CAPACITY, np.int64)
+    share_buf = np.ones(EVENT_CAPACITY, np.float32)
     fresh = np.empty((2, bins), np.float32)
+    near = np.empty(NEAR_CAPACITY, np.int64)
+    shared = False
     reach = 0.5 * (bins - 1) / BINS_PER_PX
+    candidates = 0
+    if rivals.rate.shape[0] > m:
+        candidates = blocks_in_reach(rivals, block, points, good, 2.0 * reach + half_px, rivals.near)
     for i in range(m):
         if i % turns != turn or not good[i] or abs(vn[i]) < v_min:
             continue
         n = collect_station(
             rings, heads, columns, t_us, points[i, 0], points[i, 1], theta[i], kappa[i], vn[i], vt[i], omega[i],
-            window_ms[i], reach, half_px, latency_ms, d_buf, age_buf, sign_buf,
+            window_ms[i], reach, half_px, latency_ms, d_buf, age_buf, sign_buf, word_buf,
         )  # fmt: skip
+        weight_all = float(n)
+        if shared:
+            share_buf[:] = 1.0
+            shared = False
+        if candidates > 0:
+            n_near = rows_near(
+                rivals, rivals.near, candidates, points[i, 0], points[i, 1], theta[i], vn[i], vt[i], window_ms[i],
+                half_px, reach, near,
+            )  # fmt: skip
+            if n_near > 0:
+                shared = True
+                worth, n = thin_out(word_buf, d_buf, age_buf, sign_buf, n)
+                weight_all = share_events(
+                    rivals, near, n_near, t_us, latency_ms, profile[i], density[i], sn[i], False, word_buf, d_buf,
+                    sign_buf, n, worth, share_buf,
+                )  # fmt: skip
         beside = background[tile_at(points[i, 0], points[i, 1], heads, columns)] * window_ms[i]
-        own = n - 4.0 * beside * half_px * reach
+        own = weight_all - 4.0 * beside * half_px * reach
         if own < 25.0:
             continue
         fresh[:, :] = 0.0
@@ -330,8 +363,8 @@ def learn_profiles(  # type: ignore[no-untyped-def]
             b = int(u)
             f = u - b
             if 0 <= b < bins - 1:
-                fresh[sign_buf[k], b] += weight * (1.0 - f)
-                fresh[sign_buf[k], b + 1] += weight * f
+                fresh[sign_buf[k], b] += weight * share_buf[k] * (1.0 - f)
+                fresh[sign_buf[k], b + 1] += weight * share_buf[k] * f
         alpha = rate * min(1.0, own / 100.0)
         for g in range(2):
             for b in range(bins):

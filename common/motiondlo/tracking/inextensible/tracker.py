@@ -19,6 +19,7 @@ from motiondlo.tracking.inextensible.dlo import InextensibleDlo
 from motiondlo.tracking.inextensible.late import PastState
 from motiondlo.tracking.inextensible.near_kernels import MASK_BITS, count_near, mark_tiles
 from motiondlo.tracking.inextensible.params import InextensibleParams, screening_of
+from motiondlo.tracking.inextensible.rivals import make_rivals
 from motiondlo.tracking.types import Correction, CorrectionKind, TrackUpdate
 
 
@@ -164,6 +165,7 @@ class InextensibleTracker:
             if correction.kind is CorrectionKind.RETIRE:
                 self._dlos.pop(correction.id, None)
                 self._gate.retired(correction.id)
+                self._seat_rivals()
                 self._tiles_stale = True
             elif correction.kind is CorrectionKind.REINITIALISE:
                 self._start(correction, now_us)
@@ -172,6 +174,8 @@ class InextensibleTracker:
                 past = self._gate.history(correction.id).at(correction.t_us)
                 if past is not None and self._dlos[correction.id].blend(correction, past, now_us):
                     self._gate.absorbed(correction)
+                    # One at rest has no other entries: the next shape would be compared with what was before this one.
+                    self._gate.history(correction.id).record(now_us, self._dlos[correction.id].past_state())
                     self._tiles_stale = True
                 else:
                     self._gate.rejects.count(RejectReason.IMPLAUSIBLE)
@@ -182,7 +186,16 @@ class InextensibleTracker:
         dlo = InextensibleDlo(correction, self.params, self.geometry)
         dlo.reinitialised = 0 if before is None else before.reinitialised + 1
         self._dlos[correction.id] = dlo
+        self._seat_rivals()
         # Corrections for times between the shape's and now speak of the same track.
         self._gate.started(correction.id, min(correction.t_us, now_us))
         self._gate.history(correction.id).record(min(correction.t_us, now_us), dlo.past_state())
         self._tiles_stale = True
+
+    def _seat_rivals(self) -> None:
+        """Give every DLO its block of rows among those that tell where all of them are."""
+        dlos = list(self._dlos.values())
+        rivals = make_rivals([dlo.m for dlo in dlos], [dlo.profile.shape[2] for dlo in dlos])
+        for block, dlo in enumerate(dlos):
+            dlo.rivals, dlo.block = rivals, block
+            dlo.lay_out(max(self._t_us, 0))

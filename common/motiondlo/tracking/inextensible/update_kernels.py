@@ -43,15 +43,15 @@ def advance(c, s, n, dt_ms, noise, velocity_decay_ms):  # type: ignore[no-untype
 
 @numba.njit(cache=True, nogil=True)
 def look(  # type: ignore[no-untyped-def]
-    c, s, o, rows, p, n, rings, heads, columns, background, region, t_us, dt_ms, bridged_ms, recent_speed,
-    noise_factor, lo_px, hi_px, past, forget,
+    c, s, o, rows, p, n, rings, heads, columns, background, region, rivals, block, t_us, dt_ms, bridged_ms,
+    recent_speed, noise_factor, lo_px, hi_px, past, forget,
 ):  # fmt: skip
     """Predict to ``t_us``, look at every station, and write the rows of what was seen.
 
-    background: (tiles,) float32 events/px/ms; region: (H, W) uint8, not 0 where nothing is to be seen, or (0, 0).
-    bridged_ms: for how long it is predicted; (lo_px, hi_px): material extent that is looked at; forget: what is kept of
-    before is the prediction. Returns (rows, stations seen, stations that could be seen, speed before the prediction,
-    recent speed).
+    background: (tiles,) float32 events/px/ms; region: (H, W) uint8, not 0 where nothing is to be seen, or (0, 0);
+    rivals, block: the stations of all DLOs, and which of them are these. bridged_ms: for how long it is predicted;
+    (lo_px, hi_px): material extent that is looked at; forget: what is kept of before is the prediction. Returns (rows,
+    stations seen, stations that could be seen, speed before the prediction, recent speed).
     """
     speed = fast_speed(s.vn, s.vt)
     recent_speed = max(speed, recent_speed * np.exp(-dt_ms / p.noise_memory_ms))
@@ -70,9 +70,10 @@ def look(  # type: ignore[no-untyped-def]
     if region.shape[0] > 0:
         leave_out(s.p, region, o.active)
     observe_stations(
-        rings, heads, columns, background, t_us, s.p, s.th, s.kappa, s.vn, s.vt, s.omega, s.sv, o.window_max, o.band,
-        o.active, o.llr, 0.0, p.log_floor, 0.5 * c.stride * c.ds_px, p.latency_ms, p.window_min_ms, p.events_target,
-        p.events_min, p.ambiguous_velocity, o.offset, o.sigma, o.age, o.events, o.quality, o.window, o.density,
+        rings, heads, columns, background, t_us, s.p, s.th, s.kappa, s.vn, s.vt, s.omega, s.sn, s.sv, o.window_max,
+        o.band, o.active, rivals, block, o.profile, o.llr, 0.0, p.log_floor, 0.5 * c.stride * c.ds_px, p.latency_ms,
+        p.window_min_ms, p.events_target, p.events_min, p.ambiguous_velocity, o.offset, o.sigma, o.age, o.events,
+        o.quality, o.window, o.density,
     )  # fmt: skip
     count, seen, could = station_rows(
         n, dt_ms, s.h_normal, s.h_stretch, s.vn, s.sn, o.offset, o.sigma, o.age, o.events, o.quality, o.window,
@@ -104,16 +105,16 @@ def take_in(c, s, o, rows, p, n, count, dt_ms, refresh):  # type: ignore[no-unty
 
 
 @numba.njit(cache=True, nogil=True)
-def remember(c, s, o, p, rings, heads, columns, background, t_us, dt_ms, learn, turn, past):  # type: ignore[no-untyped-def]
+def remember(c, s, o, p, rings, heads, columns, background, rivals, block, t_us, dt_ms, learn, turn, past):  # type: ignore[no-untyped-def]
     """Learn the profiles, if ``learn`` says so, and follow what is known of every station.
 
     Returns how many rates are remembered.
     """
     if learn:
         learn_profiles(
-            rings, heads, columns, background, t_us, s.p, s.th, s.kappa, s.vn, s.vt, s.omega, o.window, o.good,
-            turn % LEARN_TURNS, LEARN_TURNS, LEARN_VELOCITY, 0.5 * c.stride * c.ds_px, p.latency_ms, p.learn_rate,
-            p.learn_pull, p.log_floor, o.prior, o.profile, o.llr,
+            rings, heads, columns, background, t_us, s.p, s.th, s.kappa, s.vn, s.vt, s.omega, s.sn, o.window, o.good,
+            rivals, block, o.density, turn % LEARN_TURNS, LEARN_TURNS, LEARN_VELOCITY, 0.5 * c.stride * c.ds_px,
+            p.latency_ms, p.learn_rate, p.learn_pull, p.log_floor, o.prior, o.profile, o.llr,
         )  # fmt: skip
     return update_support(
         dt_ms, o.active, o.good, o.covered, o.events, s.vn, p.events_min, o.alive, o.support, o.absent_ms, o.seen_ms,

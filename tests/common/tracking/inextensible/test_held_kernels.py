@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from motiondlo.events.buckets import EventBuckets
+from motiondlo.events.types import SensorGeometry
 from motiondlo.tracking.inextensible.held_kernels import (
     BEYOND_PX,
     NOT_SEEN_PX,
@@ -27,20 +29,19 @@ def ends_of(presence):
 def test_silhouettes_beyond_the_given_end_are_found(bar_scene, sweep_path) -> None:
     """The bar begins at x = 80; the shape is said to begin 20 px later."""
     scene = bar_scene(sweep_path((0.0, 1.5)))
-    surface = np.full((2, 300, 420), -(1 << 60), np.int64)
+    buckets = EventBuckets(SensorGeometry(420, 300))
     presence, looks = np.zeros((2, PLACES)), np.zeros(PLACES, np.int64)
     # bright on dark: luminance rises at the silhouette at -radius
     profile = np.zeros((22, 2, 61), np.float32)
     profile[:, 0, 30 - 16] = profile[:, 1, 30 + 16] = 0.5
     for k in range(40):
-        events = scene.batch(k).events
-        surface[events["p"], events["y"], events["x"]] = events["t"]
+        buckets.update(scene.batch(k).events)
         y = scene.path(k + 1.0)[1]
         points = np.stack([np.arange(40.0, 304.0, 6.0), np.full(44, y)], axis=1)
         vn = np.full(22, 1.5 if k > 12 else 0.0)
         accumulate_presence(
-            surface, (k + 1) * 1000, 60.0, 1, 0.0, 6.0, 2, points, np.zeros(44), vn, RADIUS_PX,
-            profile, 6.0, 0.0, 0.5, 3.0, 0.05, presence, looks,
+            buckets.rings, buckets.heads, buckets.columns, buckets.last_us, (k + 1) * 1000, 60.0, 1, 0.0, 6.0, 2,
+            points, np.zeros(44), vn, RADIUS_PX, profile, 6.0, 0.0, 0.5, 3.0, 0.05, presence, looks,
         )  # fmt: skip
     assert looks.min() == 27
     assert ends_of(presence) == pytest.approx([-20.0, -20.0], abs=4.0)

@@ -7,15 +7,16 @@ import pytest
 
 from motiondlo.events.buckets import EventBuckets
 from motiondlo.events.types import EVENT_DTYPE, SensorGeometry
+from motiondlo.tracking.inextensible.collect_kernels import collect_station
 from motiondlo.tracking.inextensible.observe_kernels import (
     bin_events,
-    collect_station,
     learn_profiles,
     observe_stations,
     score_shifts,
 )
 from motiondlo.tracking.inextensible.params import InextensibleParams
 from motiondlo.tracking.inextensible.profiles import log_ratios, prior_profiles, visible_at_start
+from motiondlo.tracking.inextensible.rivals import no_rivals
 
 PARAMS = InextensibleParams()
 RADIUS_PX = 8.0
@@ -36,7 +37,7 @@ def station_inputs(points: np.ndarray, vn: float):
     full = np.full
     return {
         "points": points, "theta": np.zeros(m), "kappa": np.zeros(m), "vn": full(m, vn), "vt": np.zeros(m),
-        "omega": np.zeros(m), "sv": full(m, 0.05),
+        "omega": np.zeros(m), "sn": full(m, 0.5), "sv": full(m, 0.05),
     }  # fmt: skip
 
 
@@ -50,10 +51,9 @@ def observe(buckets, t_us: int, points: np.ndarray, vn: float, llr: np.ndarray, 
     count = np.zeros(m, np.int64)
     active = np.ones(m, np.uint8) if active is None else active
     observe_stations(
-        *buckets, t_us, *station_inputs(points, vn).values(), np.full(m, 4.0), np.full(m, 6.0), active, llr, 0.0,
-        llr_floor(llr), 6.0,
-        0.0, 1.0, target, 8, 0.4, out["offset"], out["sigma"], out["age"], count, out["quality"], out["window"],
-        np.zeros(m) if density is None else density,
+        *buckets, t_us, *station_inputs(points, vn).values(), np.full(m, 4.0), np.full(m, 6.0), active,
+        no_rivals(), 0, np.zeros_like(llr), llr, 0.0, llr_floor(llr), 6.0, 0.0, 1.0, target, 8, 0.4, out["offset"],
+        out["sigma"], out["age"], count, out["quality"], out["window"], np.zeros(m) if density is None else density,
     )  # fmt: skip
     return out, count
 
@@ -105,7 +105,7 @@ def test_collected_events_equal_a_plain_search(theta: float) -> None:
     d, age, sign = np.empty(4000, np.float32), np.empty(4000, np.float32), np.empty(4000, np.uint8)
     n = collect_station(
         buckets.rings, buckets.heads, buckets.columns, 16_000, px, py, theta, kappa, vn, vt, omega, 3.0, 20.0, 12.0,
-        latency, d, age, sign,
+        latency, d, age, sign, np.empty(4000, np.int64),
     )  # fmt: skip
     recent = events[events["t"] > 13_000]
     ages = (16_000 - recent["t"]) * 1e-3
@@ -141,7 +141,7 @@ def test_scores_equal_a_plain_sum(flip: bool) -> None:
     d[:2] = -90.0, 90.0  # beyond what any shift reaches
     sign = rng.integers(0, 2, 50).astype(np.uint8)
     histogram = np.zeros((2, bins + 2 * reach), np.float32)
-    bin_events(d, sign, 50, histogram)
+    bin_events(d, sign, np.ones(50, np.float32), 50, histogram)
     assert histogram.sum() == 48
     scores = np.zeros(2 * reach + 1, np.float32)
     score_shifts(histogram, np.ascontiguousarray(llr[:, ::-1]), reach, flip, scores)
@@ -162,8 +162,8 @@ def test_profile_learns_an_edge_that_the_frame_did_not_show(bar_scene, sweep_pat
     before = profile[0, :, 2 * 15 + 16].sum()
     for _ in range(40):
         learn_profiles(
-            *buckets, 20_000, *inputs.values(), np.full(1, 3.0), np.ones(1, np.uint8), 0, 1, 0.3, 6.0, 0.0, 0.1, 0.0,
-            0.01, prior, profile, llr,
+            *buckets, 20_000, *inputs.values(), np.full(1, 3.0), np.ones(1, np.uint8), no_rivals(), 0, np.zeros(1), 0,
+            1, 0.3, 6.0, 0.0, 0.1, 0.0, 0.01, prior, profile, llr,
         )  # fmt: skip
     bins = profile.shape[2]
     edge = int((bins - 1) / 2 + 2 * 8)
