@@ -64,7 +64,11 @@ def serve(shell: Shell, bus: Bus) -> None:
                     shell.take_over(core.counts)
                     shell.problems = (core.problem,) if core.problem else ()
                     shell.lifecycle = "degraded" if core.degraded else "running"
-                shell.tick(_info(backend), core.rejects.as_dict(), now=message is not None)
+                shell.tick(
+                    {**_info(backend), "paused_until_us": core.retry_us},
+                    core.rejects.as_dict(),
+                    now=message is not None,
+                )
 
 
 class _Stopped(Exception):
