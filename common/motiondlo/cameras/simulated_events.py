@@ -87,6 +87,7 @@ class SimulatedEventCamera(Camera[EventChunk]):
         for number in count(first):
             start_us = number * self._scene.round_us
             skip_us = int(since_us / slow) // PIECE_US * PIECE_US if number == first else 0
+            told_us = max(start_us, opened_us)
             for batch in self._events.batches(PIECE_US, skip_us):
                 t1_us = start_us + round(batch.t1_us * slow)
                 if batch.t1_us * slow > self._scene.round_us:
@@ -98,7 +99,11 @@ class SimulatedEventCamera(Camera[EventChunk]):
                 ]
                 raw = encoder.encode(parts[0], parts[1])
                 # A camera tells its time also when nothing happens.
-                yield raw or _time_words(t1_us - opened_us), t1_us
+                yield raw or encoder.tell_time(t1_us - opened_us), t1_us
+                told_us = t1_us
+            # So it does from the recording's end to that of the round.
+            for t1_us in range(told_us + PIECE_US, start_us + self._scene.round_us, PIECE_US):
+                yield encoder.tell_time(t1_us - opened_us), t1_us
 
     @staticmethod
     def _moved(part: EventArray, slow: float, shift_us: int) -> EventArray:
@@ -114,8 +119,3 @@ class SimulatedEventCamera(Camera[EventChunk]):
         far = np.abs(triggers["t"][:, None] - self._dropped_us[None, :]).min(axis=1) > TRIGGER_TOLERANCE_US
         kept: TriggerArray = triggers[far | (triggers["edge"] == 0)]
         return kept
-
-
-def _time_words(t_us: int) -> bytes:
-    """EVT3 time high and time low of ``t_us``."""
-    return np.array([0x8000 | (t_us >> 12) & 0xFFF, 0x6000 | t_us & 0xFFF], "<u2").tobytes()

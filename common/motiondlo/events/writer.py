@@ -11,7 +11,7 @@ from motiondlo.errors import RecordingError
 from motiondlo.events.joining import event_words, trigger_words
 from motiondlo.events.reader import open_events
 from motiondlo.events.types import EventArray, SensorGeometry, TriggerArray, empty_triggers
-from motiondlo.events.writer_kernels import W_COUNT, WORDS_PER_ITEM, encode_evt3
+from motiondlo.events.writer_kernels import W_COUNT, W_HIGH, W_LOW, WORDS_PER_ITEM, encode_evt3
 
 _MAX_SIDE_PX = 2048
 
@@ -58,6 +58,20 @@ class Evt3Encoder:
         n = encode_evt3(packed, packed_triggers, words, self._state)
         self._t_us = last_us
         return words[:n].tobytes()
+
+    def tell_time(self, t_us: int) -> bytes:
+        """Words that say that it is ``t_us`` and nothing has happened since the last piece, as a camera sends them.
+
+        Raises ValueError for a time before the last piece's end.
+        """
+        if t_us < self._t_us:
+            raise ValueError("times decrease")
+        high, low = t_us >> 12, t_us & 0xFFF
+        first = int(self._state[W_HIGH]) + 1 if self._state[W_HIGH] >= 0 else high
+        words = [*(0x8000 | part & 0xFFF for part in range(first, high + 1)), 0x6000 | low]
+        self._state[W_HIGH], self._state[W_LOW] = high, low
+        self._t_us = t_us
+        return np.array(words, "<u2").tobytes()
 
     def _checked_end(self, part: EventArray) -> int:
         if not len(part):

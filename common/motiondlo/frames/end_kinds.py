@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
+from motiondlo.frames.covers import Band, Cover
 from motiondlo.frames.strip import Scene, sample_strip
 from motiondlo.frames.types import EndKind
 from motiondlo.geometry.curve import project
@@ -20,6 +21,7 @@ _HELD_SHARE = 0.45
 _STEP_CODES = 9.0
 _LEAST_SCALE_PX = 12.0
 """Beside a thinner DLO the board's own texture has steps."""
+_BESIDE_W = 0.35
 _OBLIQUE_W = 1.5
 """How far ahead or behind, in widths, an oblique edge may cross either side."""
 _CROOKED_W = 0.6
@@ -40,33 +42,35 @@ class EndView:
     at_border: bool
 
 
-def classify_end(scene: Scene, view: EndView, others: list[tuple[FloatArray, float]]) -> EndKind:
-    """Kind of an end. others: centreline (K, 2) and width of every other DLO piece, image px."""
+def classify_end(scene: Scene, view: EndView, others: list[Band], bands: Cover | None = None) -> EndKind:
+    """Kind of an end. others: every other DLO piece; bands: their area."""
     width, height = scene.size
     x, y = view.point + view.outward * 0.5 * view.width
     if view.at_border or x < 0 or y < 0 or x > width - 1 or y > height - 1:
         return EndKind.BORDER
-    if object_ahead(scene, view) > _HELD_SHARE:
+    if object_ahead(scene, view, bands) > _HELD_SHARE:
         return EndKind.HELD
     beyond = (view.point + view.outward * 0.3 * view.width)[None]
     for centre, other_width in others:
-        if float(project(beyond, centre)[0][0]) < 0.5 * other_width + 0.2 * view.width:
+        if float(project(beyond, centre)[0][0]) < 0.5 * other_width + _BESIDE_W * view.width:
             return EndKind.HIDDEN
     if edge_across(scene, view) > _STEP_CODES:
         return EndKind.HIDDEN
     return EndKind.TIP if view.found else EndKind.UNKNOWN
 
 
-def object_ahead(scene: Scene, view: EndView) -> float:
-    """Share of a field ahead of the end, wider than the DLO, that is not the empty board.
+def object_ahead(scene: Scene, view: EndView, bands: Cover | None = None) -> float:
+    """Share of a field ahead of the end, wider than the DLO, that is neither the empty board nor another DLO.
 
     The field starts past the end and is 2.6 widths wide and 2.5 long: a tip's own shadow fills a small part of it, a
-    gripper most of it.
+    gripper most of it. bands: the other DLOs.
     """
     reach = np.arange(0.3 * view.width, 2.8 * view.width, 1.5)
     centre = view.point + reach[:, None] * view.outward
     strip = sample_strip(scene, centre, 1.3 * view.width, 1.5)
     changed = np.abs(strip.ratio - 1.0).max(axis=2) > _CHANGED
+    if bands is not None:
+        changed &= ~bands.at(strip.places)
     return float(changed.mean())
 
 

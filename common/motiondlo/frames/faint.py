@@ -18,7 +18,6 @@ from motiondlo.frames.edges import RefinedCurve
 from motiondlo.frames.mask_cleaning import close
 from motiondlo.frames.masks import Mask
 from motiondlo.frames.params import FaintParams, ForegroundParams
-from motiondlo.frames.segments import Segment
 from motiondlo.frames.strip import Scene, sample_strip
 from motiondlo.geometry.curve import arc_length, point_at
 
@@ -40,15 +39,6 @@ def faint_mask(board: BoardModel, taken: Mask, params: FaintParams, foreground: 
     mask = close(mask, params.closing_radius * width)
     mask = remove_thin(mask, 0.7 * foreground.min_width * width)
     return cut_wide(mask, foreground.max_width * foreground.wide_factor * width)[0]
-
-
-def taken_mask(shape: tuple[int, int], scale: float, segments: list[Segment], obstacles: Mask | None) -> Mask:
-    """Everything that the first look explained. Returns (h, w) uint8 0/1."""
-    taken = np.zeros(shape, np.uint8) if obstacles is None else obstacles.copy()
-    for segment in segments:
-        points = np.round((segment.centre + 0.5) / scale - 0.5).astype(np.int32)
-        cv2.polylines(taken, [points.reshape(-1, 1, 2)], False, 1, max(1, round(segment.width / scale)))
-    return taken
 
 
 def is_body(scene: Scene, curve: RefinedCurve, params: FaintParams) -> bool:

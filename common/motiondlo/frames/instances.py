@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from motiondlo.frames.appearance import sample_appearance
+from motiondlo.frames.covers import Cover, cover_of
 from motiondlo.frames.edges import refine_centreline
 from motiondlo.frames.end_kinds import EndView, classify_end, may_be_hidden
 from motiondlo.frames.merging import SegmentEnd, bezier_bridge, connect
@@ -22,6 +23,8 @@ from motiondlo.geometry.curve import arc_length, point_at
 FloatArray = npt.NDArray[np.float64]
 
 _TANGENT_W = 1.5
+_RAGGED = 0.7
+"""Edge support below which short things are rather a gripper's."""
 _SHARP_PX = 3.8
 """Edges up to this width belong to a DLO at rest, whatever its shading."""
 _BLUR_SIGMA = 1.5
@@ -41,6 +44,8 @@ class Dlo:
     edge_support: float
     width_spread: float
     edge_blur: float
+    straight: bool
+    """Whether each of its measured pieces is as straight as a machine's parts are."""
 
 
 def end_tangent(centre: FloatArray, side: int, width: float) -> FloatArray:
@@ -57,23 +62,29 @@ def classify_ends(scene: Scene, segments: list[Segment]) -> list[tuple[EndKind, 
     """Kinds of both ends of every segment."""
     kinds = []
     for k, segment in enumerate(segments):
-        others = [(other.centre, other.width) for i, other in enumerate(segments) if i != k]
+        others = [other.band for i, other in enumerate(segments) if i != k]
+        bands = cover_of(scene.board.distance.shape, scene.board.scale, others) if others else None
         pair = []
         for side in (0, 1):
             end = segment.ends[side]
             point = segment.centre[0 if side == 0 else -1]
             outward = end_tangent(segment.centre, side, segment.width)
-            pair.append(classify_end(scene, EndView(point, outward, segment.width, end.found, end.at_border), others))
+            view = EndView(point, outward, segment.width, end.found, end.at_border)
+            pair.append(classify_end(scene, view, others, bands))
         kinds.append((pair[0], pair[1]))
     return kinds
 
 
 def join_segments(
-    scene: Scene, segments: list[Segment], kinds: list[tuple[EndKind, EndKind]], params: FrameParams
+    scene: Scene, segments: list[Segment], kinds: list[tuple[EndKind, EndKind]], cover: Cover, params: FrameParams
 ) -> list[Dlo]:
-    """Merge segments of one DLO over gaps; every connection is bridged by a Bezier curve."""
+    """Merge segments of one DLO over gaps; every connection is bridged by a Bezier curve.
+
+    cover: what could hide a DLO.
+    """
     ends = []
     for k, segment in enumerate(segments):
+        rigid = is_arm(segment, kinds[k], params.instance)
         for side in (0, 1):
             kind = kinds[k][side]
             point = segment.centre[0 if side == 0 else -1]
@@ -82,8 +93,8 @@ def join_segments(
             # Only where there is something to be joined: it is not for nothing.
             maybe = len(segments) > 1 and kind is EndKind.TIP and may_be_hidden(scene, view)
             colour = np.log(segment.palette.colour + 8.0)
-            ends.append(SegmentEnd(k, side, point, outward, segment.width, colour, kind, maybe))
-    connections = connect(ends, params.merge.max_gap * scene.size[0], params.merge)
+            ends.append(SegmentEnd(k, side, point, outward, segment.width, colour, kind, maybe, rigid))
+    connections = connect(ends, params.merge.max_gap * scene.size[0], params.merge, cover)
     links: dict[tuple[int, int], tuple[SegmentEnd, SegmentEnd]] = {}
     for c in connections:
         links[(c.a.segment, c.a.side)] = (c.a, c.b)
@@ -147,6 +158,7 @@ def _join_from(
         float((lengths * [m.edge_support for m in members]).sum() / lengths.sum()),
         float((lengths * [m.width_spread for m in members]).sum() / lengths.sum()),
         blur,
+        all(is_straight(m.centre, params.instance) for m in members),
     )
 
 
@@ -159,18 +171,36 @@ def score_dlo(dlo: Dlo, params: FrameParams) -> float:
 
 
 def is_block(dlo: Dlo, params: InstanceParams) -> bool:
-    """Whether it is a part of a gripper rather than a DLO: short for its width, as straight as only rigid things are,
-    attached to something at one end, and without a tip at the other.
+    """Whether it is a part of a gripper rather than a DLO: short for its width, made of pieces as straight as only
+    rigid things are or with ragged edges, attached to or hidden by something at one end, without a tip at the other.
     """
-    if EndKind.HELD not in dlo.ends or EndKind.TIP in dlo.ends:
+    if not {EndKind.HELD, EndKind.HIDDEN} & set(dlo.ends) or EndKind.TIP in dlo.ends:
         return False
-    length = float(arc_length(dlo.centre)[-1])
-    if length >= params.block_length_w * dlo.width:
+    if float(arc_length(dlo.centre)[-1]) >= params.block_length_w * dlo.width:
         return False
-    around = dlo.centre - dlo.centre.mean(axis=0)
+    return dlo.edge_support < _RAGGED or dlo.straight
+
+
+def is_arm(segment: Segment, kinds: tuple[EndKind, EndKind], params: InstanceParams) -> bool:
+    """Whether a piece may be a part of a gripper's arm: short, straight, from the border or with ragged edges.
+
+    A cable between its gripper and a plate is short and straight, too, but has its edges and both of its ends.
+    """
+    if EndKind.TIP in kinds or segment.length >= params.block_length_w * segment.width:
+        return False
+    if EndKind.BORDER not in kinds and segment.edge_support >= _RAGGED:
+        return False
+    return segment.edge_support < _RAGGED or is_straight(segment.centre, params)
+
+
+def is_straight(centre: FloatArray, params: InstanceParams) -> bool:
+    """Whether a curve is as straight as a machine's parts are."""
+    around = centre - centre.mean(axis=0)
     across = np.linalg.svd(around, full_matrices=False)[2][1]
     # Most of it: its followed ends may wander.
-    return float(np.percentile(np.abs(around @ across), 85.0)) < params.block_straightness * length
+    return float(np.percentile(np.abs(around @ across), 85.0)) < params.block_straightness * float(
+        arc_length(centre)[-1]
+    )
 
 
 def make_instance(

@@ -7,10 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from motiondlo.frames.covers import Cover
 from motiondlo.frames.params import MergeParams
 from motiondlo.frames.types import EndKind
 
 FloatArray = npt.NDArray[np.float64]
+
+_LOOKS_AWAY_RAD = 1.05
+_TOUCH_PX = 6.0
+_UNLIKE_COST = 2.0
+"""Of two connections the one of like looks is preferred."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +37,8 @@ class SegmentEnd:
     """Ends at the image border are never joined; HELD and HIDDEN ends may go on beyond what covers them."""
     maybe_hidden: bool = False
     """Something that is not sure to cover the DLO has an edge here."""
+    rigid: bool = False
+    """The segment may be a part of a gripper."""
 
 
 @dataclass(frozen=True)
@@ -48,44 +56,88 @@ def connection_score(a: SegmentEnd, b: SegmentEnd, max_gap_px: float) -> float:
     return -float(a.outward @ b.outward) * (1.0 - float(np.sqrt(min(gap / max_gap_px, 1.0))))
 
 
-def is_candidate(a: SegmentEnd, b: SegmentEnd, max_gap_px: float, params: MergeParams) -> bool:
+def is_candidate(
+    a: SegmentEnd, b: SegmentEnd, max_gap_px: float, params: MergeParams, cover: Cover | None = None
+) -> bool:
     """Whether two ends may be joined: d_max and the tangent criterion (paper), width, colour, and a reason for the gap.
 
     The gap must lie ahead of both ends. Past a small gap something must hide the DLO: two cables that lie in line with
     the board between them stay two. If that is seen at one end only (a plate may look like the board), the ends must
-    be alike.
+    be alike; alike ends that something hides may also turn towards each other, as far as a DLO bends.
     """
     if EndKind.BORDER in (a.kind, b.kind):
         return False
     chord = b.point - a.point
     gap = float(np.hypot(*chord))
-    if gap > max_gap_px or -float(a.outward @ b.outward) < params.min_alignment:
-        return False
     width = 0.5 * (a.width + b.width)
+    width_ratio = max(a.width, b.width) / max(min(a.width, b.width), 1e-9)
+    colour_jump = colour_difference(a, b)
+    if gap > max_gap_px or width_ratio > params.max_width_ratio or colour_jump > params.max_colour_jump:
+        return False
+    open_gap = gap <= params.open_gap_w * width
+    hidden = all(kind in (EndKind.HELD, EndKind.HIDDEN) for kind in (a.kind, b.kind))
+    if cover is not None and gap > width:
+        hidden |= float(cover.at(_bridge(a, b)).mean()) >= params.min_cover
+    alike = width_ratio <= params.alike_width_ratio and colour_jump <= params.alike_colour_jump
+    alignment = -float(a.outward @ b.outward)
     ahead = min(float(a.outward @ chord), -float(b.outward @ chord)) / max(gap, 1e-9)
     # Skeletons may overlap by a little; the chord of ends that nearly touch has no direction.
-    if gap > 0.7 * width and ahead < params.min_chord_alignment:
+    if EndKind.HELD in (a.kind, b.kind) and (a.rigid or b.rigid) and not open_gap:
         return False
-    width_ratio = max(a.width, b.width) / max(min(a.width, b.width), 1e-9)
-    colour_jump = float(np.abs(a.colour - b.colour).mean())
-    if width_ratio > params.max_width_ratio or colour_jump > params.max_colour_jump:
-        return False
-    covered = [kind in (EndKind.HELD, EndKind.HIDDEN) for kind in (a.kind, b.kind)]
-    if gap <= params.open_gap_w * width or all(covered):
+    touch = gap <= max(0.7 * width, _TOUCH_PX)
+    if not (alignment >= params.min_alignment and (touch or ahead >= params.min_chord_alignment)):
+        return hidden and alike and not touch and bend_w(a, b) <= params.max_bend_w
+    if open_gap or hidden:
         return True
-    alike = width_ratio <= params.alike_width_ratio and colour_jump <= params.alike_colour_jump
-    straight = min(ahead, -float(a.outward @ b.outward)) >= params.alike_alignment
     sign = EndKind.HIDDEN in (a.kind, b.kind) or a.maybe_hidden or b.maybe_hidden
-    return sign and alike and straight
+    return sign and alike and min(ahead, alignment) >= params.alike_alignment
 
 
-def connect(ends: list[SegmentEnd], max_gap_px: float, params: MergeParams) -> list[Connection]:
-    """Greedy merging in descending score (paper): union-find over segments, each end joined at most once."""
+def colour_difference(a: SegmentEnd, b: SegmentEnd) -> float:
+    """Mean difference of the log colours; brightness counts half: the way a DLO runs under the light changes it."""
+    difference = a.colour - b.colour
+    brightness = float(difference.mean())
+    return float(np.abs(difference - brightness).mean()) + 0.5 * abs(brightness)
+
+
+def bend_w(a: SegmentEnd, b: SegmentEnd) -> float:
+    """Width over the radius (root mean square) of the smoothest curve from one end to the other; inf if one looks away.
+
+    With the angles alpha, beta of its end tangents to the chord, a cubic of length L bends with the mean square
+    4 (alpha^2 + alpha beta + beta^2) / L^2.
+    """
+    chord = b.point - a.point
+    gap = float(np.hypot(*chord))
+    alpha, beta = _angle(chord, a.outward), _angle(chord, -b.outward)
+    if max(abs(alpha), abs(beta)) > _LOOKS_AWAY_RAD:
+        return float("inf")
+    mean_width = 0.5 * (a.width + b.width)
+    return float(2.0 * mean_width / max(gap, 1e-9) * np.sqrt(max(alpha**2 + alpha * beta + beta**2, 0.0)))
+
+
+def _angle(u: FloatArray, v: FloatArray) -> float:
+    return float(np.arctan2(u[0] * v[1] - u[1] * v[0], u @ v))
+
+
+def _bridge(a: SegmentEnd, b: SegmentEnd) -> FloatArray:
+    """The part of a connection that should be hidden: soft edges and shadows at both ends left out."""
+    curve = bezier_bridge(a.point, a.outward, b.point, -b.outward, alpha=0.4)
+    margin = min(int(0.25 * (a.width + b.width)), len(curve) // 4)
+    return curve[margin : len(curve) - margin]
+
+
+def connect(
+    ends: list[SegmentEnd], max_gap_px: float, params: MergeParams, cover: Cover | None = None
+) -> list[Connection]:
+    """Greedy merging in descending score (paper): union-find over segments, each end joined at most once.
+
+    cover: what could hide a DLO; without it only the kinds of the ends say that something does.
+    """
     candidates = [
-        Connection(a, b, connection_score(a, b, max_gap_px))
+        Connection(a, b, _rank(a, b, max_gap_px))
         for i, a in enumerate(ends)
         for b in ends[i + 1 :]
-        if a.segment != b.segment and is_candidate(a, b, max_gap_px, params)
+        if a.segment != b.segment and is_candidate(a, b, max_gap_px, params, cover)
     ]
     parent: dict[int, int] = {end.segment: end.segment for end in ends}
 
@@ -106,6 +158,16 @@ def connect(ends: list[SegmentEnd], max_gap_px: float, params: MergeParams) -> l
         taken |= {key_a, key_b}
         accepted.append(candidate)
     return accepted
+
+
+def _rank(a: SegmentEnd, b: SegmentEnd, max_gap_px: float) -> float:
+    """The paper's score, or that of a bent connection (the worse tangent to the chord), less for unlike looks."""
+    chord = b.point - a.point
+    gap = float(np.hypot(*chord))
+    worse = min(float(a.outward @ chord), -float(b.outward @ chord)) / max(gap, 1e-9)
+    bent = worse * (1.0 - float(np.sqrt(min(gap / max_gap_px, 1.0))))
+    unlike = colour_difference(a, b) + abs(float(np.log(max(a.width, 1e-6) / max(b.width, 1e-6))))
+    return max(connection_score(a, b, max_gap_px), bent) * float(np.exp(-_UNLIKE_COST * unlike))
 
 
 def bezier_bridge(

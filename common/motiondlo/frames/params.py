@@ -117,6 +117,9 @@ class GraphParams(_Params):
     )
     width_weight: float = Field(default=0.8, ge=0.0, le=10.0, description="pairing: weight of a jump in width (log)")
     colour_weight: float = Field(default=0.5, ge=0.0, le=10.0, description="pairing: weight of a jump in colour (log)")
+    max_kink_rad: float = Field(
+        default=1.0, gt=0.1, le=3.2, description="chains are taken apart where two chords of a width turn by more"
+    )
     min_pair_score: float = Field(default=0.25, ge=-5.0, le=1.0, description="branches that match worse stay unpaired")
 
 
@@ -134,8 +137,12 @@ class MergeParams(_Params):
     alike_width_ratio: float = Field(
         default=1.12, ge=1.0, le=10.0, description="the same where only one end is seen to be hidden"
     )
-    alike_colour_jump: float = Field(default=0.25, ge=0.0, le=10.0, description="the same, log colour")
+    alike_colour_jump: float = Field(default=0.18, ge=0.0, le=10.0, description="the same, log colour")
     alike_alignment: float = Field(default=0.9, ge=-1.0, le=1.0, description="the same, both alignments")
+    min_cover: float = Field(default=0.75, ge=0.0, le=1.0, description="share of a gap that known things must hide")
+    max_bend_w: float = Field(
+        default=0.45, ge=0.0, le=3.0, description="alike hidden ends: most bend of their connection, widths over radius"
+    )
     bezier_alpha: float = Field(default=0.4, gt=0.0, le=1.0, description="reach of the Bezier control points")
 
 
@@ -157,6 +164,7 @@ class InstanceParams(_Params):
     min_length: float = Field(default=0.1, gt=0.0, le=1.0, description="shortest DLO, share of the image's width")
     min_length_w: float = Field(default=4.5, gt=0.0, le=100.0, description="shortest DLO, its own widths")
     max_width_spread: float = Field(default=0.25, gt=0.0, le=2.0, description="robust spread of the width over width")
+    min_edges: float = Field(default=0.3, ge=0.0, le=1.0, description="share of a measured piece that has both edges")
     min_mask_share: float = Field(
         default=0.6, ge=0.0, le=1.0, description="share of a measured piece that the cleaned mask must cover"
     )
@@ -164,7 +172,7 @@ class InstanceParams(_Params):
     block_length_w: float = Field(
         default=12.0, ge=0.0, le=100.0, description="classical: what is held, shorter and straight is a gripper's part"
     )
-    block_straightness: float = Field(default=0.005, ge=0.0, le=0.1, description="its bow over its length")
+    block_straightness: float = Field(default=0.02, ge=0.0, le=0.1, description="its bow over its length")
     min_score: float = Field(default=0.45, ge=0.0, le=1.0, description="instances below are dropped")
     max_instances: int = Field(default=16, ge=1, le=200, description="the best so many are kept")
 

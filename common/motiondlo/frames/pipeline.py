@@ -11,16 +11,27 @@ import numpy.typing as npt
 
 from motiondlo.frames.backend import SegmenterBackend, create_backend
 from motiondlo.frames.board import BoardModel, model_board
+from motiondlo.frames.chain_splitting import split_at_kinks
 from motiondlo.frames.checks import FrameFailure, check_frame
 from motiondlo.frames.classical import ClassicalBackend, segment_board
 from motiondlo.frames.colour import Image
+from motiondlo.frames.covers import Cover, cover_of
 from motiondlo.frames.edges import FAINT, USUAL, WIRE, WidthSearch
-from motiondlo.frames.faint import faint_mask, is_body, taken_mask
+from motiondlo.frames.faint import faint_mask, is_body
 from motiondlo.frames.instances import Dlo, classify_ends, is_block, join_segments, make_instance, score_dlo
 from motiondlo.frames.mask_cleaning import adaptive_closing, clean_mask, remove_small
 from motiondlo.frames.masks import Mask, MaskSet, fit_mask, union
 from motiondlo.frames.params import FrameParams
-from motiondlo.frames.segments import Screen, Segment, is_plausible, measure_segment, without_overlaps, without_repeats
+from motiondlo.frames.segments import (
+    Screen,
+    Segment,
+    image_from_working,
+    is_measured,
+    is_plausible,
+    measure_segment,
+    without_overlaps,
+    without_repeats,
+)
 from motiondlo.frames.skeleton_graph import build_graph, distance_inside, prune_spurs, skeletonise
 from motiondlo.frames.smear import rise_px
 from motiondlo.frames.strip import Scene
@@ -31,6 +42,9 @@ from motiondlo.geometry.camera_map import CameraMap
 from motiondlo.geometry.curve import arc_length
 
 FloatArray = npt.NDArray[np.float64]
+
+_NARROWER = 0.85
+"""The narrowest measured width over that of a mask: a mask holds the soft edges too."""
 
 
 @dataclass
@@ -96,7 +110,9 @@ def segment_frame(
     )
     times.lap("segment")
     times.split("segment", masks.stages_ns)
-    scene = Scene(image_bgr, background, board)
+    shape = board.distance.shape
+    wide = None if masks.obstacles is None else Cover(fit_mask(masks.obstacles, shape), board.scale)
+    scene = Scene(image_bgr, background, board, wide)
     mask = refined_mask(masks, board, params)
     times.lap("clean")
     chains = mask_to_chains(mask, masks.obstacles, board, params, times)
@@ -107,8 +123,8 @@ def segment_frame(
         times.lap("faint")
     if params.thin.enabled and board.from_plate and isinstance(backend, ClassicalBackend):
         segments += find_thin(scene, segments, masks.obstacles, params)
-        times.lap("thin")
-    dlos = assemble_dlos(scene, segments, params)
+        times.lap("wires")
+    dlos = assemble_dlos(scene, segments, mask, params)
     if isinstance(backend, ClassicalBackend):
         dlos = [(score, dlo) for score, dlo in dlos if not is_block(dlo, params.instance)]
     times.lap("join")
@@ -160,13 +176,17 @@ def measure_chains(
     least, most = params.foreground.min_width * scene.size[0], params.foreground.max_width * scene.size[0]
     segments: list[Segment] = []
     smeared = False
-    for chain in chains:
+    pieces = [piece for chain in chains for piece in split_at_kinks(chain, params.graph.max_kink_rad)]
+    # The longest first: what it turns out to run over need not be measured.
+    for chain in sorted(pieces, key=lambda piece: -piece.length):
         width = chain.width * scene.board.scale
         # The mask's width is rough; the measured one counts.
         if not 0.8 * least <= width <= 1.2 * most or chain.length < 2.5 * chain.width:
             continue
+        if is_measured(image_from_working(chain.path, scene.board.scale), segments):
+            continue
         segment = measure_segment(scene, chain, params.fit, screen, search)
-        if segment is None or not least <= segment.width <= most:
+        if segment is None or not _NARROWER * least <= segment.width <= most:
             continue
         if is_plausible(segment, mask, scene.board.scale, params.instance):
             segments.append(segment)
@@ -179,7 +199,7 @@ def measure_chains(
 def find_faint(scene: Scene, found: list[Segment], obstacles: Mask | None, params: FrameParams) -> list[Segment]:
     """Second look, away from what the first one found, for DLOs of the board's own colour."""
     board = scene.board
-    taken = taken_mask(board.distance.shape, board.scale, found, obstacles)
+    taken = cover_of(board.distance.shape, board.scale, [s.band for s in found], obstacles).mask
     mask = faint_mask(board, taken, params.faint, params.foreground)
     mask = remove_small(mask, params.cleaning.min_area * mask.size)
     chains = mask_to_chains(mask, obstacles, board, params, StageTimes())
@@ -189,7 +209,7 @@ def find_faint(scene: Scene, found: list[Segment], obstacles: Mask | None, param
 def find_thin(scene: Scene, found: list[Segment], obstacles: Mask | None, params: FrameParams) -> list[Segment]:
     """Another look, away from what was found, for wires."""
     board = scene.board
-    taken = taken_mask(board.distance.shape, board.scale, found, obstacles)
+    taken = cover_of(board.distance.shape, board.scale, [s.band for s in found], obstacles).mask
     mask = thin_mask(board, taken, params.thin, params.foreground)
     chains = mask_to_chains(mask, obstacles, board, params, StageTimes())
     strips = [chain for chain in chains if is_strip(board, chain)]
@@ -202,10 +222,13 @@ def find_thin(scene: Scene, found: list[Segment], obstacles: Mask | None, params
     return measure_chains(scene, chains, mask, measuring, lambda s, c: is_wire(s, c, params.thin, limit), WIRE)[0]
 
 
-def assemble_dlos(scene: Scene, segments: list[Segment], params: FrameParams) -> list[tuple[float, Dlo]]:
-    """Join pieces over gaps, and keep what looks like a DLO, best first."""
+def assemble_dlos(scene: Scene, segments: list[Segment], mask: Mask, params: FrameParams) -> list[tuple[float, Dlo]]:
+    """Join pieces over gaps, and keep what looks like a DLO, best first. mask: what the segmenter found."""
     kinds = classify_ends(scene, segments)
-    dlos = join_segments(scene, segments, kinds, params)
+    shape = scene.board.distance.shape
+    anything = mask if scene.wide is None else mask | scene.wide.mask
+    cover = cover_of(shape, scene.board.scale, [segment.band for segment in segments], anything)
+    dlos = join_segments(scene, segments, kinds, cover, params)
     scored = [(score_dlo(dlo, params), dlo) for dlo in dlos if _is_long(dlo, scene.size[0], params)]
     good = sorted((item for item in scored if item[0] >= params.instance.min_score), key=lambda item: -item[0])
     return good[: params.instance.max_instances]

@@ -9,6 +9,7 @@ from itertools import permutations
 import numpy as np
 import numpy.typing as npt
 
+from motiondlo.frames.covers import Band
 from motiondlo.frames.edges import USUAL, RefinedCurve, WidthSearch, refine_centreline
 from motiondlo.frames.ends import FollowedEnd, Palette, follow_end, learn_palette
 from motiondlo.frames.masks import Mask
@@ -25,6 +26,7 @@ _TRIM_W = 2.0
 towards a jaw two widths before a gripper."""
 _MAX_TRIM_SHARE = 0.22
 _REPEATED_SHARE = 0.5
+_MEASURED_SHARE = 0.9
 _LEAST_REST_W = 2.0
 _NO_SUPPORT, _SURE_SUPPORT = 0.1, 0.75
 _SEARCH_WIDE_W = 2.5
@@ -52,6 +54,11 @@ class Segment:
     def length(self) -> float:
         """Arc length, px."""
         return float(arc_length(self.centre)[-1])
+
+    @property
+    def band(self) -> Band:
+        """Centreline and width."""
+        return self.centre, self.width
 
 
 def image_from_working(path: FloatArray, scale: float) -> FloatArray:
@@ -124,7 +131,7 @@ def _extend(
 
 def is_plausible(segment: Segment, mask: Mask, scale: float, params: InstanceParams) -> bool:
     """Whether a measured piece can be one of a DLO: steady width, no fold, and where the mask was at first."""
-    if segment.width_spread > params.max_width_spread * segment.width:
+    if segment.width_spread > params.max_width_spread * segment.width or segment.edge_support < params.min_edges:
         return False
     if sharpest_turn(segment.centre, 2.0 * segment.width) > params.max_turn_rad:
         return False
@@ -132,6 +139,17 @@ def is_plausible(segment: Segment, mask: Mask, scale: float, params: InstancePar
     rows = np.clip(at[:, 1], 0, mask.shape[0] - 1)
     columns = np.clip(at[:, 0], 0, mask.shape[1] - 1)
     return float(mask[rows, columns].mean()) >= params.min_mask_share
+
+
+def is_measured(path: FloatArray, segments: list[Segment]) -> bool:
+    """Whether all of a rough path, (K, 2) image px, lies along a piece that was measured and followed already."""
+    rough = path[:: max(1, len(path) // 24)]
+    for segment in segments:
+        distance, place = project(rough, _coarse(segment))
+        along = float(arc_length(rough)[-1])
+        if float((distance < 0.4 * segment.width).mean()) > _MEASURED_SHARE and np.ptp(place) > 0.8 * along:
+            return True
+    return False
 
 
 def without_repeats(segments: list[Segment]) -> list[Segment]:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from motiondlo.frames.junctions import BranchEnd, Crossing, Pairing, find_crossings, ranked_pairings
 from motiondlo.frames.merging import bezier_bridge
 from motiondlo.frames.params import GraphParams
-from motiondlo.frames.skeleton_graph import FREE, SkeletonGraph
+from motiondlo.frames.skeleton_graph import SkeletonGraph
 from motiondlo.geometry.curve import arc_length
 
 FloatArray = npt.NDArray[np.float64]
@@ -26,8 +26,6 @@ class Chain:
     """(K, 2) (x, y) working px."""
     radius: FloatArray
     """(K,) distance to the mask's edge, working px; NaN where the path bridges a crossing or a gap."""
-    blocked: tuple[bool, bool] = (False, False)
-    """Whether it ends at a crossing in which no branch continues it (it may run on under another DLO)."""
 
     @property
     def length(self) -> float:
@@ -158,9 +156,4 @@ def _assemble(graph: SkeletonGraph, walk: Walk, links: Link) -> Chain:
             radii.append(np.full(len(bridge), np.nan))
     path, radius = np.concatenate(paths), np.concatenate(radii)
     moved = np.concatenate(([True], np.hypot(*np.diff(path, axis=0).T) > 1e-6))
-    head, tail = walk[0], walk[-1]
-    blocked = (
-        graph.branches[head[0]].nodes[head[1]] != FREE,
-        graph.branches[tail[0]].nodes[1 - tail[1]] != FREE,
-    )
-    return Chain(path[moved], radius[moved], blocked)
+    return Chain(path[moved], radius[moved])

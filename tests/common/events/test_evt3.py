@@ -304,3 +304,16 @@ def test_what_was_promised_by_time_us_holds() -> None:
             assert not len(part) or part["t"][0] >= announced
         assert decoder.time_us >= announced
         announced = decoder.time_us
+
+
+def test_time_that_is_told_without_events_goes_on_without_damage_and_wraps() -> None:
+    encoder, decoder = Evt3Encoder(SENSOR), Evt3Decoder(SENSOR)
+    decoder.push(encoder.encode(make_events([(5000, 1, 2, 1)])))
+    for t_us in range(6000, 40_000_000, 4000):
+        decoder.push(encoder.tell_time(t_us))
+        assert t_us - 8192 <= decoder.time_us <= t_us
+    events = join([decoder.push(encoder.encode(make_events([(40_000_123, 3, 4, 0)])))[0], decoder.flush()[0]])
+    assert events["t"].tolist() == [40_000_123]
+    assert not any(decoder.damage.values())
+    with pytest.raises(ValueError, match="decrease"):
+        encoder.tell_time(1)

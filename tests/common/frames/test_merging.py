@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from motiondlo.frames.merging import SegmentEnd, bezier_bridge, connect, connection_score, is_candidate
+from motiondlo.frames.covers import cover_of
+from motiondlo.frames.merging import SegmentEnd, bend_w, bezier_bridge, connect, connection_score, is_candidate
 from motiondlo.frames.params import MergeParams
 from motiondlo.frames.types import EndKind
 
@@ -36,6 +39,24 @@ CASES = {
     "SIDEWAYS": (end(0, 0, 0, 1, 0, EndKind.HIDDEN), end(1, 10, 150, -1, 0, EndKind.HIDDEN), False),
     "TURNED": (end(0, 0, 0, 1, 0), end(1, 30, 0, 0, 1), False),
     "OTHER_WIDTH": (end(0, 0, 0, 1, 0), end(1, 30, 0, -1, 0, width=30.0), False),
+    "BENT_UNDER_A_PLATE": (end(0, 0, 0, 1, -1, EndKind.HIDDEN), end(1, 160, 0, -1, -1, EndKind.HIDDEN), True),
+    "BENT_IN_THE_OPEN": (end(0, 0, 0, 1, -1), end(1, 160, 0, -1, -1), False),
+    "BENT_OTHER_COLOUR": (
+        end(0, 0, 0, 1, -1, EndKind.HIDDEN),
+        end(1, 160, 0, -1, -1, EndKind.HIDDEN, colour=4.6),
+        False,
+    ),
+    "BENT_MORE_THAN_A_DLO_DOES": (
+        end(0, 0, 0, 1, -1, EndKind.HIDDEN),
+        end(1, 60, 0, -1, -1, EndKind.HIDDEN),
+        False,
+    ),
+    "U_TURN": (end(0, 0, 0, 1, -4, EndKind.HIDDEN), end(1, 160, 0, -1, -4, EndKind.HIDDEN), False),
+    "THROUGH_A_GRIPPER_ONTO_ITS_ARM": (
+        end(0, 0, 0, 1, 0, EndKind.HELD),
+        replace(end(1, 150, 0, -1, 0, EndKind.HELD), rigid=True),
+        False,
+    ),
     "AT_THE_BORDER": (end(0, 0, 0, 1, 0, EndKind.BORDER), end(1, 30, 0, -1, 0), False),
 }
 
@@ -45,6 +66,31 @@ def test_candidates(case):
     a, b, expected = CASES[case]
     assert is_candidate(a, b, D_MAX, PARAMS) is expected
     assert is_candidate(b, a, D_MAX, PARAMS) is expected
+
+
+def test_a_gap_that_known_things_hide_needs_no_other_sign():
+    a, b = end(0, 100, 50, 1, 0), end(1, 250, 50, -1, 0)
+    over_it = cover_of((120, 320), 1.0, [(np.array([[175.0, 0.0], [175.0, 119.0]]), 130.0)])
+    beside_it = cover_of((120, 320), 1.0, [(np.array([[110.0, 0.0], [110.0, 119.0]]), 40.0)])
+    assert is_candidate(a, b, D_MAX, PARAMS, over_it)
+    assert not is_candidate(a, b, D_MAX, PARAMS, beside_it)
+
+
+def test_the_end_of_like_looks_is_preferred_to_the_nearer_one():
+    ends = [
+        end(0, 0, 0, 1, 0, EndKind.HIDDEN),
+        end(1, 90, 0, -1, 0, EndKind.HIDDEN, colour=4.3),
+        end(2, 100, 0, -1, 0, EndKind.HIDDEN),
+    ]
+    (connection,) = connect(ends, D_MAX, PARAMS)
+    assert {connection.a.segment, connection.b.segment} == {0, 2}
+
+
+def test_bend_of_an_arc_is_width_over_radius():
+    radius, half = 100.0, 0.4
+    a = end(0, -radius * np.sin(half), 0, np.cos(half), np.sin(half))
+    b = end(1, radius * np.sin(half), 0, -np.cos(half), np.sin(half))
+    assert bend_w(a, b) == pytest.approx(20.0 / radius, rel=0.05)
 
 
 def test_each_end_is_joined_once_and_the_best_connection_wins():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from motiondlo.frames.types import FloatArray
+from motiondlo.frames.types import EndKind, FloatArray
 from motiondlo.geometry.curve import arc_length
 from motiondlo.tracking.inextensible.arrays import Curve, Looks, Numbers, Places
 from motiondlo.tracking.inextensible.curve_kernels import ANGLE_FLOOR, acceleration_covariance, place_curve
@@ -47,7 +47,7 @@ class CurveFilter:
         m = self.m = len(s)
         self.x: FloatArray = np.zeros(size)
         self.x[:n] = q
-        self.x[2 * n + RATIO_A :] = p.height_ratio
+        self.x[2 * n + RATIO_A : 2 * n + RATIO_A + 2] = p.height_ratio
         self.theta: FloatArray = np.empty(self.layout.samples)
         self.points: FloatArray = np.empty((self.layout.samples, 2))
         self.jacobian: FloatArray = np.zeros((m, 2, n))
@@ -97,8 +97,8 @@ class CurveFilter:
         acceleration_covariance(self.jacobian, self._field, precision, ANGLE_FLOOR, start)
         cov[:n, :n] = start
         cov[n : 2 * n, n : 2 * n] = acceleration * 0.02**2
-        tips = np.maximum(correction.sigma_tangent_px[[0, -1]], p.tip_offset_sigma_px)
-        for k, sd in ((STRETCH, p.stretch_sigma), (END_A, tips[0]), (END_B, tips[1])):
+        offsets = [p.tip_offset_sigma_px if k is EndKind.TIP else p.patch_offset_sigma_px for k in correction.ends]
+        for k, sd in ((STRETCH, p.stretch_sigma), (END_A, offsets[0]), (END_B, offsets[1])):
             cov[2 * n + k, 2 * n + k] = sd**2
         for k in range(2):
             cov[2 * n + RATIO_A + k, 2 * n + RATIO_A + k] = max(p.height_ratio_sigma, 1e-4) ** 2
@@ -159,18 +159,27 @@ class CurveFilter:
             return None
         return int(seen), float(median), float(fit_px)
 
-    def absorb_correction(self) -> bool:
-        """Update from rows of a late correction; the bend is taken from the result."""
+    def absorb_correction(self, fresh: bool) -> bool:
+        """Update from rows of a late correction; the remembered bend follows by the share that it told us.
+
+        fresh: whether its errors are others than those of the last one. A DLO at rest shows the same picture again, and
+        its shape is no second opinion: the place follows, but is not known any better.
+        """
         p = self.params
         rows = self.rows
         step = self.curve.step
         step[:] = 0.0
+        before, kept = self.sn.copy(), self.cov.copy()
         if not solve(self.cov, step, rows.h, rows.z, rows.w, rows.count, p.student_nu, p.robust_passes, rows.robust):
             self._start_anew()
             return False
         self.x += step
         self.locate()
-        remember_bend(self.n, self.x, 1.0, np.ones(self.m), self.curve.memory)
+        told = np.clip(1.0 - (self.sn / np.maximum(before, 1e-9)) ** 2, 0.0, 1.0)
+        remember_bend(self.n, self.x, 1.0, told, self.curve.memory)
+        if not fresh:
+            self.cov[:] = kept
+            self.locate()
         return True
 
     def _start_anew(self) -> None:

@@ -92,6 +92,8 @@ class InextensibleDlo(CurveFilter):
         self.recent_speed = 0.0
         self.frozen = correction.velocity_px_s is None
         self.fit_px = 0.0
+        self.stirred_since_shape = not self.frozen
+        """Whether it has moved since the shape that was absorbed last."""
         self._turn = 0
         self._revisions: list[tuple[int, int, FloatArray]] = []
         self._state: TrackState | None = None
@@ -160,6 +162,7 @@ class InextensibleDlo(CurveFilter):
         else:
             self.silent_ms = 0.0
             self.frozen = False
+            self.stirred_since_shape = True
             self._confidence.advance(dt_ms, self.seen, self.could)
             fit = self.absorb(dt_ms, self.looks, self.numbers)
             if fit is not None:
@@ -341,8 +344,9 @@ class InextensibleDlo(CurveFilter):
                 sigma = float(np.sqrt(carried.end_variance_px2[end.index]))
                 rows.add(row, carried.end_shift_px[end.index], sigma, robust=True)
         before = self.p.copy()
-        if not self.absorb_correction():
+        if not self.absorb_correction(fresh=self.stirred_since_shape):
             return False
+        self.stirred_since_shape = not self.frozen
         self._revisions.append((correction.t_us, now_us, self.p - before))
         del self._revisions[:-8]
         self.t_corrected_us = correction.t_us

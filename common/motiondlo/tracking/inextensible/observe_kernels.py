@@ -11,15 +11,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from motiondlo.events.bucket_kernels import (
-    COORDINATE_MASK,
-    TIME_SHIFT,
-    X_SHIFT,
-    Y_MASK,
-    Y_SHIFT,
-    tile_at,
-    tiles_around,
-)
+from motiondlo.events.bucket_kernels import tile_at
+from motiondlo.tracking.inextensible.collect_kernels import collect_station
 from motiondlo.tracking.inextensible.rival_kernels import (
     NEAR_CAPACITY,
     blocks_in_reach,
@@ -33,62 +26,6 @@ EVENT_CAPACITY = 1500
 ENOUGH = 3.0
 BACKGROUND_SIGMAS = 2.0
 """What is counted above the background is so many standard deviations of it."""
-
-
-@numba.njit(cache=True, nogil=True, fastmath=True)
-def collect_station(  # type: ignore[no-untyped-def]
-    rings, heads, columns, t_us, px, py, theta, kappa, vn, vt, omega, window_ms, reach_px, half_px, latency_ms,
-    d_out, age_out, sign_out, word_out,
-):  # fmt: skip
-    """Collect the events of one station, moved to now. Returns their number (at most the outputs' length).
-
-    rings, heads, columns: the event buckets. reach_px: largest |d| after motion; half_px: half the station's length
-    along t after motion, so that an event belongs to one station only.
-    d_out, age_out: (cap,) float32; sign_out: (cap,) uint8 row of the gradient sign; word_out: (cap,) int64 the event.
-    """
-    tx, ty = np.cos(theta), np.sin(theta)
-    nx, ny = -ty, tx
-    oldest = window_ms + latency_ms
-    slack = abs(omega) * half_px * oldest + 0.5 * abs(kappa) * half_px * half_px
-    travel_n, travel_t = vn * oldest, vt * window_ms
-    lo_n = -reach_px - max(travel_n, 0.0) - slack
-    hi_n = reach_px - min(travel_n, 0.0) + slack
-    lo_t = -half_px - max(travel_t, 0.0)
-    hi_t = half_px - min(travel_t, 0.0)
-    r0, r1, c0, c1, cx, cy, far_t, far_n = tiles_around(px, py, tx, ty, lo_t, hi_t, lo_n, hi_n, heads, columns)
-    size = rings.shape[1]
-    mask = size - 1
-    floor = np.int64(t_us - window_ms * 1000.0 + 1.0) << TIME_SHIFT
-    positive = vn >= 0.0
-    half_kappa = 0.5 * kappa
-    capacity = d_out.shape[0]
-    count = 0
-    for r in range(r0, r1 + 1):
-        for c in range(c0, c1 + 1):
-            ux = 16.0 * c + 7.5 - cx
-            uy = 16.0 * r + 7.5 - cy
-            if abs(ux * nx + uy * ny) > far_n or abs(ux * tx + uy * ty) > far_t:
-                continue
-            tile = r * columns + c
-            head = heads[tile]
-            for k in range(head - 1, max(head - size, 0) - 1, -1):
-                word = rings[tile, k & mask]
-                if word < floor:
-                    break
-                age = (t_us - (word >> TIME_SHIFT)) * 1e-3
-                rx = ((word >> X_SHIFT) & COORDINATE_MASK) - px
-                ry = ((word >> Y_SHIFT) & Y_MASK) - py
-                tau = rx * tx + ry * ty + vt * age
-                if abs(tau) > half_px:
-                    continue
-                e = rx * nx + ry * ny + (vn + omega * tau) * (age + latency_ms) - half_kappa * tau * tau
-                if abs(e) <= reach_px and count < capacity:
-                    d_out[count] = e
-                    age_out[count] = age
-                    sign_out[count] = 1 if ((word & 1) == 1) == positive else 0
-                    word_out[count] = word
-                    count += 1
-    return count
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
@@ -112,14 +49,26 @@ def score_shifts(histogram, reversed_llr, reach_bins, flip, scores):  # type: ig
     """
     width = 2 * reach_bins + 1
     last = histogram.shape[1] - 1
-    scores[:width] = 0.0
+    total = scores[:width]
+    total[:] = 0.0
+    start = np.empty(last + 4, np.int64)
+    weight = np.empty(last + 4, np.float32)
     for g in range(2):
-        row = 1 - g if flip else g
-        for b in range(last + 1):
-            weight = histogram[g, b]
-            if weight > 0.0:
-                for s in range(width):
-                    scores[s] += weight * reversed_llr[row, last - b + s]
+        row = reversed_llr[1 - g if flip else g]
+        n = 0
+        for i in range(last + 1):
+            start[n] = last - i
+            weight[n] = histogram[g, i]
+            n += histogram[g, i] > 0.0
+        start[n : n + 3] = 0
+        weight[n : n + 3] = 0.0
+        # Four bins at a time: what was added is not read back for every one of them.
+        for k in range(0, n, 4):
+            first, second, third, fourth = start[k], start[k + 1], start[k + 2], start[k + 3]
+            a, b, c, d = row[first:], row[second:], row[third:], row[fourth:]
+            wa, wb, wc, wd = weight[k], weight[k + 1], weight[k + 2], weight[k + 3]
+            for s in range(width):
+                total[s] += wa * a[s] + wb * b[s] + wc * c[s] + wd * d[s]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
@@ -209,7 +158,10 @@ def observe_stations(  # type: ignore[no-untyped-def]
         # As far back and as wide as the last look says; all of it where that was too little.
         expected = density[i] * half_px * window_min_ms
         half = half_px * min(max(ENOUGH * n_target / max(expected, 1.0), 1.0 / 3.0), 1.0)
-        longest = min(window_max_ms[i], max(1.25 * last_ms + 0.25, window_min_ms))
+        longer = min(window_max_ms[i], max(1.25 * last_ms + 0.25, window_min_ms))
+        # Where there are plenty, no further back than what will be used; all of what is as old as the window.
+        plenty = candidates == 0 and density[i] * half * window_min_ms > 2.0 * n_target
+        longest = min(longer, window_min_ms + 0.002) if plenty else longer
         beside = background[tile_at(points[i, 0], points[i, 1], heads, columns)]
         if shared:
             share_buf[:] = 1.0
@@ -218,7 +170,7 @@ def observe_stations(  # type: ignore[no-untyped-def]
         n_near = 0
         worth = 1
         per_ms = 0.0
-        for _ in range(2):
+        for _ in range(3):
             n = collect_station(
                 rings, heads, columns, t_us, points[i, 0], points[i, 1], theta[i], kappa[i], vn[i], vt[i], omega[i],
                 longest, reach, half, latency_ms, d_buf, age_buf, sign_buf, word_buf,
@@ -239,8 +191,11 @@ def observe_stations(  # type: ignore[no-untyped-def]
             per_ms = 4.0 * beside * half * reach
             if mine - per_ms * longest >= n_target or (half == half_px and longest == window_max_ms[i]):
                 break
-            half = half_px
-            longest = window_max_ms[i]
+            if longest < longer:
+                longest = longer
+            else:
+                half = half_px
+                longest = window_max_ms[i]
         ages[:] = 0
         for k in range(n):
             ages[min(int(age_buf[k] * 4.0), 63)] += share_buf[k]
@@ -257,13 +212,14 @@ def observe_stations(  # type: ignore[no-untyped-def]
         weight = 0.0
         age_sum = 0.0
         for k in range(n):
-            if age_buf[k] <= w:
-                d_buf[used] = d_buf[k]
-                sign_buf[used] = sign_buf[k]
-                share_buf[used] = share_buf[k]
-                weight += share_buf[k]
-                age_sum += share_buf[k] * age_buf[k]
-                used += 1
+            inside = age_buf[k] <= w
+            share = share_buf[k] if inside else np.float32(0.0)
+            d_buf[used] = d_buf[k]
+            sign_buf[used] = sign_buf[k]
+            share_buf[used] = share_buf[k]
+            weight += share
+            age_sum += share * age_buf[k]
+            used += inside
         unsure = BACKGROUND_SIGMAS * np.sqrt(per_ms * w)
         if unsure > n_target:
             active[i] = 0

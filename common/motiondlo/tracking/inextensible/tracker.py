@@ -174,6 +174,8 @@ class InextensibleTracker:
                 past = self._gate.history(correction.id).at(correction.t_us)
                 if past is not None and self._dlos[correction.id].blend(correction, past, now_us):
                     self._gate.absorbed(correction)
+                    # One at rest has no other entries: the next shape would be compared with what was before this one.
+                    self._gate.history(correction.id).record(now_us, self._dlos[correction.id].past_state())
                     self._tiles_stale = True
                 else:
                     self._gate.rejects.count(RejectReason.IMPLAUSIBLE)

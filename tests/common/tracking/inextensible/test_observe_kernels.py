@@ -7,9 +7,9 @@ import pytest
 
 from motiondlo.events.buckets import EventBuckets
 from motiondlo.events.types import EVENT_DTYPE, SensorGeometry
+from motiondlo.tracking.inextensible.collect_kernels import collect_station
 from motiondlo.tracking.inextensible.observe_kernels import (
     bin_events,
-    collect_station,
     learn_profiles,
     observe_stations,
     score_shifts,

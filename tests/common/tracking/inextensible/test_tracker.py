@@ -153,6 +153,35 @@ def test_late_correction_moves_what_was_not_seen_since(bar_scene) -> None:
     assert after.t_corrected_us == 10_000
 
 
+def test_the_same_picture_again_is_no_second_opinion(bar_scene) -> None:
+    """A DLO at rest is segmented time and again: each shape has the errors of the one before."""
+    scene = bar_scene(lambda t_ms: (80.0, 80.0))
+    tracker = tracker_for(scene)
+    before = play(tracker, scene, 20)
+    for k in range(1, 6):
+        again = scene.correction(seq=k, t_us=20_000 + 1000 * k, kind=CorrectionKind.BLEND, shift_px=(0.0, 1.0))
+        play(tracker, scene, 21 + k, start_ms=20 + k)
+        assert tracker.correct(again) is None
+    after = play(tracker, scene, 27, start_ms=26)
+    assert np.abs(after.nodes[:, 1] - before.nodes[:, 1] - 1.0).mean() < 0.3, "it is followed"
+    np.testing.assert_allclose(after.cov_px2, before.cov_px2, rtol=0.1, atol=0.1)
+
+
+def test_a_shape_that_tells_nothing_changes_nothing_of_what_comes(bar_scene, sweep_path) -> None:
+    """In motion an old shape says nothing of now: the bend that is remembered is not that of the moment either."""
+    scene = bar_scene(sweep_path((0.0, 1.5)))
+    alone, corrected = tracker_for(scene), tracker_for(scene)
+    play(alone, scene, 50)
+    play(corrected, scene, 50)
+    assert corrected.correct(scene.correction(seq=1, t_us=10_000, kind=CorrectionKind.BLEND)) is None
+    states = [play(tracker, scene, 80, start_ms=50) for tracker in (alone, corrected)]
+    assert states[1].t_corrected_us == 10_000
+    np.testing.assert_allclose(states[0].nodes[:, 1], states[1].nodes[:, 1], atol=0.1)
+    # Along itself, where events tell the least, it may help.
+    ends = [abs(float(state.nodes[0, 0]) - scene.path(80.0)[0]) for state in states]
+    assert ends[1] <= ends[0] + 0.05
+
+
 def test_late_correction_does_not_undo_what_events_measured(bar_scene, sweep_path) -> None:
     scene = bar_scene(sweep_path((0.0, 1.5)))
     tracker = tracker_for(scene)
