@@ -181,7 +181,7 @@ def share_events(  # type: ignore[no-untyped-def]
             share[k] = worth * mine / (mine + others)
         else:
             share[k] = worth
-        total += share[k]
+        total += float(share[k])
     return total
 
 
