@@ -12,8 +12,8 @@ import numpy as np
 
 from motiondlo.events.bucket_kernels import COORDINATE_MASK, TIME_SHIFT, X_SHIFT, Y_MASK, Y_SHIFT, tiles_around
 
-LEAST_TIP_GAIN = 0.15
-"""Of log-likelihood, per event."""
+LEAST_TIP_GAIN, SURE_TIP_GAIN = 0.15, 12.0
+"""Of log-likelihood, per event and in all."""
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
@@ -279,7 +279,7 @@ def match_tip(histogram, levels, reach, out):  # type: ignore[no-untyped-def]
     out[0] = best_shift
     out[1] = 0.0
     k = best_shift + reach
-    if k < 2 or k > 2 * reach - 2 or best + total * np.log(n) < LEAST_TIP_GAIN * total:
+    if k < 2 or k > 2 * reach - 2 or best + total * np.log(n) < max(LEAST_TIP_GAIN * total, SURE_TIP_GAIN):
         return
     score = scores[best_profile]
     # Near its top only: further off the likelihood is no parabola.
