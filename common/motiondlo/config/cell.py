@@ -33,6 +33,10 @@ class CellSection(BaseModel):
         default=True,
         description="motiondlo run keeps a second, loaded process of each daemon of the event path, which takes over",
     )
+    state_folder: str = Field(
+        default="",
+        description="what commands change (regions) is kept here; empty: systemd's StateDirectory, or not kept",
+    )
 
 
 class CalibrationSection(BaseModel):
@@ -90,6 +94,11 @@ class Cell:
     def resolve(self, name: str) -> Path:
         """A path of the configuration; relative ones start at the configuration file's folder."""
         return (self.path.parent / Path(name).expanduser()).resolve()
+
+    @property
+    def state_folder(self) -> Path | None:
+        """Where daemons keep what commands change; None where the configuration names no folder."""
+        return self.resolve(self.cell.state_folder) if self.cell.state_folder else None
 
     def recording(self) -> Recording | None:
         """The recording to replay, or None for a live cell. Raises RecordingError when it cannot be opened."""

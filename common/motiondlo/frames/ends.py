@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import gaussian_filter1d
 
-from motiondlo.frames.edges import centre_path, column_px, edge_strength, locate_edges, robust_smooth
+from motiondlo.frames.edges import centre_path, column_px, edge_strength, locate_edges, robust_smooth, row_px
 from motiondlo.frames.strip import Scene, sample_strip
 from motiondlo.geometry.curve import arc_length, left_normals, point_at, tangents
 
@@ -31,7 +31,10 @@ _SURE_SHARE = 0.8
 """Share of a step's rows with both edges from which the way so far does not count as a guess."""
 _SHADE = (0.55, 1.06)
 """Range of codes under a cast shadow over codes in the light (codes grow with the 2.2th root of light)."""
+_DEEP_SHADE = (0.35, 1.1)
 _SHADE_COST = 0.25
+_JAW_W = 1.3
+"""How far into a gripper a DLO is looked for, widths."""
 
 
 @dataclass(frozen=True)
@@ -128,16 +131,51 @@ def follow_end(scene: Scene, centre: FloatArray, side: int, palette: Palette, re
             break
     grown = places[lead + 1 :]
     if stop is None:
-        return FollowedEnd(grown if leaves else grown[: _edged_length(supported, width)], leaves, leaves)
+        extension = grown if leaves else grown[: _edged_length(supported, width)]
+        further = np.empty((0, 2)) if leaves else _past_jaws(scene, curve, extension, side, palette)
+        return FollowedEnd(np.concatenate([extension, further]), leaves or len(further) > 0, leaves)
     kept = stop - lead
     if kept <= 0.0:
         return FollowedEnd(np.empty((0, 2)), True, False, -float(kept) * _STEP_PX)
     last = int(np.floor(kept))
     extension = grown[:last]
-    if last < len(grown):
+    further = _past_jaws(scene, curve, extension, side, palette)
+    if not len(further) and last < len(grown):
         start = places[lead + last]
-        extension = np.concatenate([extension, (start + (kept - last) * (grown[last] - start))[None]])
-    return FollowedEnd(extension, True, False)
+        further = (start + (kept - last) * (grown[last] - start))[None]
+    return FollowedEnd(np.concatenate([extension, further]), True, False)
+
+
+def _past_jaws(scene: Scene, curve: FloatArray, extension: FloatArray, side: int, palette: Palette) -> FloatArray:
+    """How a DLO goes on where it seems to have ended: dimmed by a gripper, with one edge under a jaw, to a sharp end.
+
+    Taken only if there is such an end within reach: up to it a part of the width looks like the DLO, however dim, and
+    from there on none does. (K, 2) image px, further places; (0, 2) if not.
+    """
+    none = np.empty((0, 2))
+    width = palette.width
+    tail = _tail(np.concatenate([curve, extension]), None, 3.5 * width)
+    ahead = continue_curve(tail, width, _JAW_W * width + _PERSIST_PX)
+    size = np.array(scene.size, dtype=np.float64) - 1.0
+    if len(ahead) < _PERSIST_PX or not bool(((ahead >= 0.0) & (ahead <= size)).all()):
+        return none
+    rows = _rows(scene, ahead, width)
+    if side == 0:
+        rows = rows.reshape(len(rows), -1, 3)[:, ::-1].reshape(len(rows), -1)
+    unlike = gaussian_filter1d(_nearest(rows, palette.rows, lenient=True), 0.7, mode="nearest")
+    low, high = max(_LEAST_CHANGE, 4.0 * palette.noise), max(2.0 * _LEAST_CHANGE, 8.0 * palette.noise)
+    beyond = unlike > low
+    if not beyond.any():
+        return none
+    k = int(beyond.argmax())
+    after = unlike[k + 2 : k + 2 + _PERSIST_PX // 2]
+    if k < 2 or len(after) < _PERSIST_PX // 2 or float(after.min()) < high:
+        return none
+    half = 0.5 * (float(unlike[k - 2]) + float(after.mean()))
+    while k < len(unlike) - 1 and unlike[k] < half:
+        k += 1
+    share = float(np.clip((half - unlike[k - 1]) / max(float(unlike[k] - unlike[k - 1]), 1e-9), 0.0, 1.0))
+    return np.concatenate([ahead[:k], (ahead[k - 1] + share * (ahead[k] - ahead[k - 1]))[None]])
 
 
 def _tail(curve: FloatArray, length: float | None, span: float) -> FloatArray:
@@ -167,7 +205,8 @@ def _recentre(
     them have both edges.
     """
     known = min(int(1.2 * width), len(tail) - 1)
-    curve = np.concatenate([tail[-known:], ahead])[::2]
+    stride = max(2, round(row_px(width) / _STEP_PX))
+    curve = np.concatenate([tail[-known:], ahead])[::stride]
     strip = sample_strip(scene, curve, 1.0 * width + 4.0, column_px(width))
     g = edge_strength(strip)
     rough = centre_path(g, strip.offsets, width)
@@ -175,13 +214,14 @@ def _recentre(
     both = np.isfinite(widths)
     # Beyond the end anything may look like edges: only small corrections are followed.
     weight = np.where(np.abs(offset) < 0.35 * width, weight, 0.0)
-    weight[: max(known // 4, 1)] = 1.0
-    offset[: max(known // 4, 1)] = 0.0
-    smooth, _ = robust_smooth(offset, weight, 0.7 * width / (2.0 * _STEP_PX))
-    rows = np.arange(len(curve)) * 2.0
+    held = max(known // (2 * stride), 1)
+    weight[:held] = 1.0
+    offset[:held] = 0.0
+    smooth, _ = robust_smooth(offset, weight, 0.7 * width / (stride * _STEP_PX))
+    rows = np.arange(len(curve)) * float(stride)
     moved = np.interp(known + np.arange(len(ahead)), rows, smooth)
     normals = left_normals(tangents(ahead)) if len(ahead) > 1 else np.zeros_like(ahead)
-    edged = both[np.clip((known + np.arange(len(ahead))) // 2, 0, len(both) - 1)]
+    edged = both[np.clip((known + np.arange(len(ahead))) // stride, 0, len(both) - 1)]
     return np.asarray(ahead + moved[:, None] * normals, dtype=np.float64), edged
 
 
@@ -241,8 +281,10 @@ def _rows(scene: Scene, places: FloatArray, width: float) -> FloatArray:
     return np.asarray(smooth.reshape(len(places), -1), dtype=np.float64)
 
 
-def _nearest(rows: FloatArray, palette: FloatArray, exclude: bool = False) -> FloatArray:
+def _nearest(rows: FloatArray, palette: FloatArray, exclude: bool = False, lenient: bool = False) -> FloatArray:
     """Typical code difference of each row to its nearest palette row (the second nearest with ``exclude``).
+
+    lenient: a third of the columns need to be alike, and may be dimmer, at no cost.
 
     rows: (R, V*3), palette: (P, V*3). Every column of a palette row may be dimmed, as by the shadow of a gripper, which
     also takes the highlight away; dimming costs a little, so that it is no free disguise.
@@ -250,11 +292,12 @@ def _nearest(rows: FloatArray, palette: FloatArray, exclude: bool = False) -> Fl
     p, q = rows.reshape(len(rows), -1, 3), palette.reshape(len(palette), -1, 3)
     inner = np.einsum("rvc,pvc->rpv", p, q)
     energy = np.maximum((q**2).sum(axis=2), 1e-9)[None]
-    factor = np.clip(inner / energy, *_SHADE)
+    factor = np.clip(inner / energy, *(_DEEP_SHADE if lenient else _SHADE))
+    cost = 0.0 if lenient else _SHADE_COST
     squared = (p**2).sum(axis=2)[:, None] - 2.0 * factor * inner
-    squared += (factor**2 + (_SHADE_COST * (1.0 - factor)) ** 2) * energy
+    squared += (factor**2 + (cost * (1.0 - factor)) ** 2) * energy
     # The median over columns: a jaw may cover a part of the DLO before the DLO ends.
-    middle = q.shape[1] // 2
+    middle = q.shape[1] // (3 if lenient else 2)
     total = np.maximum(np.partition(squared, middle, axis=2)[:, :, middle], 0.0) / 3.0
     if exclude and total.shape[1] > 1:
         return np.asarray(np.sqrt(np.partition(total, 1, axis=1)[:, 1]), dtype=np.float64)

@@ -172,7 +172,7 @@ def score_dlo(dlo: Dlo, params: FrameParams) -> float:
 
 def is_block(dlo: Dlo, params: InstanceParams) -> bool:
     """Whether it is a part of a gripper rather than a DLO: short for its width, made of pieces as straight as only
-    rigid things are or with ragged edges, attached to or hidden by something at one end, and without a tip at the other.
+    rigid things are or with ragged edges, attached to or hidden by something at one end, without a tip at the other.
     """
     if not {EndKind.HELD, EndKind.HIDDEN} & set(dlo.ends) or EndKind.TIP in dlo.ends:
         return False

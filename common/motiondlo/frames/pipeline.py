@@ -123,7 +123,7 @@ def segment_frame(
         times.lap("faint")
     if params.thin.enabled and board.from_plate and isinstance(backend, ClassicalBackend):
         segments += find_thin(scene, segments, masks.obstacles, params)
-        times.lap("thin")
+        times.lap("wires")
     dlos = assemble_dlos(scene, segments, mask, params)
     if isinstance(backend, ClassicalBackend):
         dlos = [(score, dlo) for score, dlo in dlos if not is_block(dlo, params.instance)]

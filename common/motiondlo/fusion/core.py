@@ -19,7 +19,7 @@ from motiondlo.fusion.judgement import Judge, Verdict
 from motiondlo.fusion.mode import ModeMachine, RestChange
 from motiondlo.fusion.params import FusionParams
 from motiondlo.fusion.requests import RequestPlanner
-from motiondlo.fusion.state import FrameRequest, FusedState, Mode, fused_dlo
+from motiondlo.fusion.state import FrameRequest, FusedState, Mode, fused_dlo, unsupported
 from motiondlo.rejects import RejectCounter, RejectReason
 from motiondlo.tracking.types import Correction, CorrectionKind, TrackState, TrackUpdate
 
@@ -63,6 +63,7 @@ class FusionCore:
         self._missed_us = _BEFORE_ALL_US
         self._now_us = -1
         self._waited_us = 0
+        self._newest: FusedState | None = None
         self.degraded_reason = ""
         self.rejects = RejectCounter()
 
@@ -85,7 +86,19 @@ class FusionCore:
         self.degraded_reason = self._why_degraded(update)
         if self.degraded_reason and mode != Mode.BOOT:
             mode = Mode.DEGRADED
-        return FusedState(update.t_us, update.t_events_us, mode, tuple(fused_dlo(track) for track in update.tracks))
+        dlos = tuple(fused_dlo(track) for track in update.tracks)
+        self._newest = FusedState(update.t_us, update.t_events_us, mode, dlos)
+        return self._newest
+
+    def silent(self, silent_us: int) -> FusedState | None:
+        """The last state again, when no track update has come for ``silent_us`` of the host's time.
+
+        It is still for its own time, says DEGRADED, and its DLOs are supported by nothing. None before the first.
+        """
+        if self._newest is None:
+            return None
+        self.degraded_reason = f"nothing from the event camera for {silent_us * 1e-6:.1f} s"
+        return unsupported(self._newest, silent_us)
 
     def _adopt(self, update: TrackUpdate, before_us: int) -> None:
         """Learn the tracker's DLOs (also after a restart of fusion), and give back those that a new tracker lacks."""
@@ -146,6 +159,10 @@ class FusionCore:
         """Whether the answer to ``request`` is still waited for: it was not cancelled, answered or given up."""
         sent = self._requests.under_way
         return sent is not None and sent.number == request.number
+
+    def withdrawn(self) -> tuple[int, ...]:
+        """Numbers of requests under way that nobody needs any more, because their DLOs moved again; drained."""
+        return self._requests.withdrawn()
 
     @property
     def cancelled(self) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -12,6 +12,9 @@ from motiondlo.geometry.curve import arc_length, left_normals, tangents
 from motiondlo.tracking.types import TrackState
 
 FloatArray = npt.NDArray[np.float64]
+
+_HALF_BELIEVED_US = 1_000_000
+"""Without events a place is believed half as much after so long: whatever holds a DLO may move it meanwhile."""
 
 
 class Mode(StrEnum):
@@ -91,3 +94,13 @@ def fused_dlo(track: TrackState) -> FusedDlo:
         t_corrected_us=track.t_corrected_us,
         sigma_tangent_px=np.sqrt(np.maximum(variance_along, 0.0)),
     )
+
+
+def unsupported(state: FusedState, silent_us: int) -> FusedState:
+    """``state``, of which nothing was seen any more for ``silent_us``: for the same time, and no longer believed."""
+    left = 0.5 ** (silent_us / _HALF_BELIEVED_US)
+    dlos = tuple(
+        replace(dlo, source="predicted", visible=np.zeros_like(dlo.visible), confidence=dlo.confidence * left)
+        for dlo in state.dlos
+    )
+    return replace(state, mode=Mode.BOOT if state.mode is Mode.BOOT else Mode.DEGRADED, dlos=dlos)

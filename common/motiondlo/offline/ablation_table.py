@@ -82,7 +82,7 @@ DEFAULT_COMPONENTS = (
         {"height_ratio": 0.0, "height_ratio_sigma": 0.0},
     ),
     Component("tip profile", "a free tip is measured along the DLO", {"tip_events_min": 2000}),
-    Component("tip learning", "the tip's profile follows the events", {"tip_learn_rate": 0.0}),
+    Component("patch offset", "where the patch lies outward is estimated", {"patch_offset_sigma_px": 0.0}),
     Component("rest rows", "a visible station without events does not move", {"rest_sigma": 5.0}),
     Component("freezing", "a silent DLO stays as it was", {"idle_share": 0.0}),
     Component("bending prior", "the shape stays near the remembered one", {"bend_sigma": 10.0}),

@@ -15,7 +15,7 @@ from motiondlo_services.cell_config import bus_section, check_configuration
 from motiondlo_services.doctor.cameras import check_cameras
 from motiondlo_services.doctor.findings import Finding, failure, ok, warning
 from motiondlo_services.doctor.lenses import check_lenses
-from motiondlo_services.doctor.regions import check_regions
+from motiondlo_services.doctor.regions import check_regions, check_state_folder
 from motiondlo_services.doctor.security import check_security
 from motiondlo_services.doctor.segmenter import check_segmenter
 from motiondlo_services.runtime.bus_section import BusSection
@@ -32,6 +32,7 @@ def check_cell(path: Path) -> list[Finding]:
     findings += [_homography(cell), *check_lenses(cell), _background(cell), _scale(cell)]
     findings += check_segmenter(cell)
     findings += check_regions(cell)
+    findings += check_state_folder(cell)
     findings += _endpoints(bus_section(path))
     findings += check_security(cell, bus_section(path))
     return findings

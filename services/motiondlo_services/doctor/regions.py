@@ -1,6 +1,9 @@
-"""Regions of the event image that the tracker leaves out: are they where they should be, and do they leave enough?"""
+"""Regions that the tracker leaves out: are they where they should be, do they leave enough, will they be kept?"""
 
 from __future__ import annotations
+
+import os
+from pathlib import Path
 
 from motiondlo.config.cell import Cell
 from motiondlo.config.loader import load_section
@@ -28,3 +31,20 @@ def check_regions(cell: Cell) -> list[Finding]:
     if share > _MUCH:
         findings.append(warning("regions", text, "A DLO is not seen there: leave out what must be, and no more."))
     return findings or [ok("regions", text)]
+
+
+def check_state_folder(cell: Cell) -> list[Finding]:
+    """Whether what commands change can be kept; nothing where the configuration names no folder."""
+    folder = cell.state_folder
+    if folder is None:
+        return []
+    there = _nearest_existing(folder)
+    if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
+        return [failure("state folder", f"{folder} cannot be written", "Give [cell] state_folder a folder that can.")]
+    return [ok("state folder", f"regions set by command are kept in {folder}")]
+
+
+def _nearest_existing(path: Path) -> Path:
+    while not path.exists():
+        path = path.parent
+    return path

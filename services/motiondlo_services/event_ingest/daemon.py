@@ -106,7 +106,8 @@ def _resume_us(bus: Bus, speed: float = 1.0) -> int:
         return -1
     if state is None or state.t_us < 0:
         return -1
-    return state.t_us + round((time.monotonic_ns() - state.t_sent_ns) * 1e-3 * speed)
+    # From when its newest event came in: a state is sent again while there are no events.
+    return state.t_us + round((time.monotonic_ns() - state.t_ingest_ns) * 1e-3 * speed)
 
 
 def _wait_for_tracker(shell: Shell, bus: Bus, player: _Player, limit_s: float) -> None:

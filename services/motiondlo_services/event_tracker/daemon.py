@@ -16,6 +16,7 @@ from motiondlo.tracking.factory import make_tracker, warm_up
 from motiondlo_services.event_tracker.config import EventTrackerConfig
 from motiondlo_services.event_tracker.core import EventTrackerCore
 from motiondlo_services.event_tracker.inheritance import Inheritance
+from motiondlo_services.event_tracker.kept_regions import KeptRegions, state_folder
 from motiondlo_services.event_tracker.regions import VERBS, RefusedError, running_config, screening_of, set_region
 from motiondlo_services.runtime.shell import Shell, run_daemon
 
@@ -35,8 +36,9 @@ def serve(shell: Shell, bus: Bus) -> None:
     config = shell.section(EventTrackerConfig)
     tracker = make_tracker(config.profile, config.parameters, shell.cell.geometry)
     screening = screening_of(tracker)
+    kept = KeptRegions(state_folder(shell.cell.state_folder), shell.cell.cell.name)
     if screening is not None:
-        screening.set_regions(config.regions)
+        screening.set_regions(kept.applied_to(config.regions))
     core = EventTrackerCore(
         tracker,
         config.patience,
@@ -66,7 +68,9 @@ def serve(shell: Shell, bus: Bus) -> None:
         while (command := commands.take()) is not None:
             try:
                 if command.request.verb == "set_region":
-                    command.answer(set_region(screening, command.request.args))
+                    answer = set_region(screening, command.request.args)
+                    kept.change(config.regions, {} if screening is None else screening.regions)
+                    command.answer({**answer, "kept": kept.kept})
                 else:
                     command.answer(running_config(screening, config.model_dump()))
             except RefusedError as refused:
@@ -88,7 +92,8 @@ def serve(shell: Shell, bus: Bus) -> None:
             shell.latency("update", time.monotonic_ns() - step.t_ingest_ns)
         changed = core.overloaded != (shell.lifecycle == "degraded")
         shell.lifecycle = "degraded" if core.overloaded else "running"
-        shell.problems = ("more events than this machine can follow: some are left out",) if core.overloaded else ()
+        overload = "more events than this machine can follow: some are left out" if core.overloaded else ""
+        shell.problems = tuple(problem for problem in (overload, kept.problem) if problem)
         shell.take_over(core.counts)
         seen = screening.report() if screening is not None else {}
         shell.tick(

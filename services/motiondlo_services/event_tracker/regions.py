@@ -1,6 +1,7 @@
 """``command/set_region`` and ``command/get_config``: what the tracker leaves out, changed and shown while it runs.
 
-A region set by command lasts until the daemon ends; one that is to stay belongs into the configuration.
+Where the cell has a state folder a region set by command is kept there (:mod:`.kept_regions`); else it lasts until the
+daemon ends.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from motiondlo.topics import CORRECTION, SEGMENTATION, STATE, TRACK
 from motiondlo.tracking.types import Correction
 from motiondlo_services.fusion.asking import FrameAsker
 from motiondlo_services.fusion.config import FusionConfig
-from motiondlo_services.fusion.publication import Asked, SegmentationHold, state_message
+from motiondlo_services.fusion.publication import Asked, SegmentationHold, Silence, state_message
 from motiondlo_services.runtime.shell import Shell, run_daemon
 
 WAIT_S = 0.05
@@ -39,6 +39,8 @@ def serve(shell: Shell, bus: Bus) -> None:
     asker = FrameAsker(bus)
     asked: dict[str, Asked] = {}
     now_us, degraded, started_ns = -1, "", time.monotonic_ns()
+    live, t_ingest_ns = not replay.recording, 0
+    silence = Silence(live)
     shell.ready()
 
     def on_track(message: TrackMessage) -> None:
@@ -53,7 +55,13 @@ def serve(shell: Shell, bus: Bus) -> None:
         bus.wait(WAIT_S, tracks, segmentations)
         for track in tracks.drain():
             on_track(track)
-            now_us = shell.t_us = track.t_us
+            now_us, t_ingest_ns = track.t_us, track.t_ingest_ns
+            shell.t_us = now_us
+            silence.broken(time.monotonic_ns())
+        silent_us = silence.due_us(time.monotonic_ns())
+        if silent_us and (last := core.silent(silent_us)) is not None:
+            states.put(state_message(last, t_ingest_ns, work_plane))
+            shell.counts["states_again"] += 1
         for segmentation in segmentations.drain():
             if segmentation.request_id in asked:
                 hold.put(segmentation.to_segmentation(), asked.pop(segmentation.request_id))
@@ -66,6 +74,11 @@ def serve(shell: Shell, bus: Bus) -> None:
         if asker.failed():
             not_taken = Segmentation(now_us, "", failure=f"not taken: {asker.last_error}")
             core.on_segmentation(not_taken, now_us, asker.number)
+        for number in core.withdrawn():
+            # Not in a replay, which is to give what the offline run gives: there a late shape is used all the same.
+            if live:
+                for request_id in [key for key, of in asked.items() if of.number == number]:
+                    asker.withdraw(request_id)
         request = core.frame_request((time.monotonic_ns() - started_ns) // 1000)
         if request is not None:
             request_id = f"fusion-{shell.counts['requests']}"

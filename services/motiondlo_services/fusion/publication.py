@@ -1,4 +1,4 @@
-"""The fused state as the state message, and segmentations held back until their time in a replay."""
+"""The fused state as the state message, also when nothing comes in; segmentations held back in a replay."""
 
 from __future__ import annotations
 
@@ -14,8 +14,12 @@ from motiondlo.fusion.state import FusedDlo, FusedState
 from motiondlo.geometry.work_plane import WorkPlane
 from motiondlo.messages.header import trusted
 from motiondlo.messages.state import StateDlo, StateMessage
+from motiondlo_services.runtime.shell import HEALTH_PERIOD_NS
 
 Float32Array = npt.NDArray[np.float32]
+
+SILENT_NS = 200_000_000
+"""Batches come every few milliseconds: after so long their source is gone."""
 
 
 def state_message(state: FusedState, t_ingest_ns: int, work_plane: WorkPlane | None) -> StateMessage:
@@ -92,3 +96,26 @@ class SegmentationHold:
             _, number, segmentation = self._held.popleft()
             released.append((segmentation, number))
         return released
+
+
+class Silence:
+    """When the last state is to be sent again because no track update comes: soon, then at the rate of health.
+
+    For live cells: a recording that has ended, or is played slowly, is silent too, and nothing is missing.
+    """
+
+    def __init__(self, live: bool, after_ns: int = SILENT_NS, every_ns: int = HEALTH_PERIOD_NS) -> None:
+        self._after_ns, self._every_ns = after_ns, every_ns
+        self._live = live
+        self._since_ns = self._next_ns = 0
+
+    def broken(self, now_ns: int) -> None:
+        """A track update has come."""
+        self._since_ns, self._next_ns = now_ns, now_ns + self._after_ns
+
+    def due_us(self, now_ns: int) -> int:
+        """For how long nothing has come, where that is to be said now; 0 otherwise."""
+        if not self._live or not self._since_ns or now_ns < self._next_ns:
+            return 0
+        self._next_ns = now_ns + self._every_ns
+        return (now_ns - self._since_ns) // 1000

@@ -97,6 +97,17 @@ def test_gripper_and_label_are_no_cables_and_the_held_end_reaches_the_gripper(ma
     assert distance_to_curve(visible, cable.nodes_rgb).mean() < 0.4
 
 
+def test_a_bent_cable_under_another_one_is_one_instance(make_board, curves):
+    board = make_board((0.5, 0.5, 0.5))
+    angle = np.linspace(-0.2, np.pi + 0.2, 200)
+    under = board.cable(np.stack([320 + 170 * np.cos(angle), 350 - 200 * np.sin(angle)], axis=1), 14.0, (0.1, 0.2, 0.5))
+    board.cable(curves["line"](290, 60, 350, 420), 24.0, (0.5, 0.1, 0.1))
+    instances = found(board.photograph(), board.photograph_plate()).instances
+    assert len(instances) == 2
+    cable = nearest(instances, under)
+    assert distance_to_curve(under[3:-3], cable.nodes_rgb).max() < 3.0
+
+
 def test_a_cable_that_leaves_the_image_ends_at_the_border(make_board, curves):
     board = make_board(PAPER)
     board.cable(curves["line"](300, 200, 720, 260), 16.0, BLACK)

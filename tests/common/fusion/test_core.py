@@ -320,3 +320,33 @@ def test_FLASH_is_degraded_while_it_lasts() -> None:
     assert core.on_track(flash).mode == Mode.DEGRADED
     assert "flash" in core.degraded_reason
     assert core.on_track(update(1_004_000, track(0, nodes))).mode == Mode.STATIC
+
+
+def test_CAMERA_GONE_the_last_state_says_that_nothing_supports_it() -> None:
+    core, nodes = booted()
+    assert FusionCore(FusionParams()).silent(200_000) is None
+    before = core.on_track(update(2_000_000, track(0, nodes, moving=True)))
+    state = core.silent(2_000_000)
+    assert state is not None
+    assert (state.t_us, state.t_events_us, state.mode) == (before.t_us, before.t_events_us, Mode.DEGRADED)
+    assert "2.0 s" in core.degraded_reason
+    (dlo,) = state.dlos
+    np.testing.assert_array_equal(dlo.nodes, before.dlos[0].nodes)
+    assert dlo.source == "predicted"
+    assert not dlo.visible.any()
+    assert dlo.confidence < 0.3 * before.dlos[0].confidence
+    back = core.on_track(update(4_000_000, track(0, nodes)))
+    assert back.mode != Mode.DEGRADED
+    assert core.degraded_reason == ""
+
+
+def test_a_request_that_was_sent_is_withdrawn_when_its_dlo_moves_again() -> None:
+    core, nodes = booted()
+    core.on_track(update(2_000_000, track(0, nodes, moving=True)))
+    core.on_track(update(2_200_000, track(0, nodes)))
+    request = core.frame_request()
+    assert request is not None
+    assert core.withdrawn() == ()
+    core.on_track(update(2_300_000, track(0, nodes, moving=True)))
+    assert core.withdrawn() == (request.number,)
+    assert core.withdrawn() == (), "said once"

@@ -35,12 +35,15 @@ def shown(bus: Bus) -> dict[str, list[float]]:
             return dict(json.loads(str(answer.result["regions"])))
 
 
-def test_a_region_is_set_while_the_tracker_runs(make_cell: Callable[..., Path]) -> None:
+def start(config: Path) -> subprocess.Popen[bytes]:
+    return subprocess.Popen([sys.executable, "-m", "motiondlo_services.event_tracker.daemon", "--config", str(config)])
+
+
+def test_a_region_is_set_while_the_tracker_runs_and_kept(make_cell: Callable[..., Path], tmp_path: Path) -> None:
     config = make_cell()
-    config.write_text(config.read_text() + "\n[event_tracker.regions]\nrail = [0, 0, 1, 1]\n")
-    daemon = subprocess.Popen(
-        [sys.executable, "-m", "motiondlo_services.event_tracker.daemon", "--config", str(config)]
-    )
+    text = config.read_text().replace("[cell]", f'[cell]\nstate_folder = "{tmp_path / "state"}"')
+    config.write_text(text + "\n[event_tracker.regions]\nrail = [0, 0, 1, 1]\n")
+    daemon = start(config)
     try:
         with open_bus(bus_section(config).of_client("test", "event-tracker"), "tester") as bus:
             health = bus.subscriber(HEALTH)
@@ -56,6 +59,10 @@ def test_a_region_is_set_while_the_tracker_runs(make_cell: Callable[..., Path]) 
                 for message in health.drain():
                     counted = int(message.info.get("masked_regions", -1))
             assert counted == 2
+            daemon.kill()
+            daemon.wait()
+            daemon = start(config)
+            assert shown(bus) == {"rail": [0.0, 0.0, 1.0, 1.0], "belt": list(BELT)}
     finally:
         daemon.send_signal(signal.SIGINT)
         assert daemon.wait(20) == 0

@@ -85,3 +85,10 @@ def test_a_wrong_region_in_the_configuration_is_named(tmp_path: Path) -> None:
 def test_doctor_judges_the_regions(tmp_path: Path, regions: str, verdict: Verdict, names: str) -> None:
     found = [f for f in check_cell(cell_with(tmp_path, regions)) if f.subject == "regions"]
     assert [f.verdict for f in found if names in f.what] == [verdict]
+
+
+@pytest.mark.parametrize(("folder", "verdict"), [("state", Verdict.OK), ("c.toml", Verdict.FAILURE)])
+def test_doctor_says_whether_regions_can_be_kept(tmp_path: Path, folder: str, verdict: Verdict) -> None:
+    path = cell_with(tmp_path, "")
+    path.write_text(path.read_text().replace("[cell]", f'[cell]\nstate_folder = "{folder}"'))
+    assert [f.verdict for f in check_cell(path) if f.subject == "state folder"] == [verdict]

@@ -10,7 +10,7 @@ from motiondlo.geometry.work_plane import plane_of_scale
 from motiondlo.messages.header import Stamp
 from motiondlo.messages.reject import Expectation
 from motiondlo.messages.state import StateMessage
-from motiondlo_services.fusion.publication import Asked, SegmentationHold, state_message
+from motiondlo_services.fusion.publication import Asked, SegmentationHold, Silence, state_message
 
 
 def fused() -> FusedState:
@@ -61,3 +61,22 @@ def test_a_live_cell_holds_nothing() -> None:
     hold = SegmentationHold(latency_us=0)
     hold.put(Segmentation(512_000, "now"), Asked(1, 500_000))
     assert len(hold.due(500_000)) == 1
+
+
+MS = 1_000_000
+
+
+def test_CAMERA_GONE_the_last_state_is_due_soon_and_then_at_the_rate_of_health() -> None:
+    silence = Silence(live=True, after_ns=200 * MS, every_ns=500 * MS)
+    assert silence.due_us(5000 * MS) == 0, "nothing has ever come"
+    silence.broken(6000 * MS)
+    due = {t: silence.due_us(t * MS) for t in range(6000, 7500, 10)}
+    assert {t: us for t, us in due.items() if us} == {6200: 200_000, 6700: 700_000, 7200: 1_200_000}
+    silence.broken(7500 * MS)
+    assert silence.due_us(7600 * MS) == 0
+
+
+def test_a_replay_may_end_or_be_slow() -> None:
+    silence = Silence(live=False)
+    silence.broken(1)
+    assert silence.due_us(10**12) == 0

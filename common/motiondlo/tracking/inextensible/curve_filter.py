@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from motiondlo.frames.types import FloatArray
+from motiondlo.frames.types import EndKind, FloatArray
 from motiondlo.geometry.curve import arc_length
 from motiondlo.tracking.inextensible.arrays import Curve, Looks, Numbers, Places
 from motiondlo.tracking.inextensible.curve_kernels import ANGLE_FLOOR, acceleration_covariance, place_curve
@@ -47,7 +47,7 @@ class CurveFilter:
         m = self.m = len(s)
         self.x: FloatArray = np.zeros(size)
         self.x[:n] = q
-        self.x[2 * n + RATIO_A :] = p.height_ratio
+        self.x[2 * n + RATIO_A : 2 * n + RATIO_A + 2] = p.height_ratio
         self.theta: FloatArray = np.empty(self.layout.samples)
         self.points: FloatArray = np.empty((self.layout.samples, 2))
         self.jacobian: FloatArray = np.zeros((m, 2, n))
@@ -97,8 +97,8 @@ class CurveFilter:
         acceleration_covariance(self.jacobian, self._field, precision, ANGLE_FLOOR, start)
         cov[:n, :n] = start
         cov[n : 2 * n, n : 2 * n] = acceleration * 0.02**2
-        tips = np.maximum(correction.sigma_tangent_px[[0, -1]], p.tip_offset_sigma_px)
-        for k, sd in ((STRETCH, p.stretch_sigma), (END_A, tips[0]), (END_B, tips[1])):
+        offsets = [p.tip_offset_sigma_px if k is EndKind.TIP else p.patch_offset_sigma_px for k in correction.ends]
+        for k, sd in ((STRETCH, p.stretch_sigma), (END_A, offsets[0]), (END_B, offsets[1])):
             cov[2 * n + k, 2 * n + k] = sd**2
         for k in range(2):
             cov[2 * n + RATIO_A + k, 2 * n + RATIO_A + k] = max(p.height_ratio_sigma, 1e-4) ** 2

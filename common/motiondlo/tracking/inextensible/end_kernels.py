@@ -12,6 +12,9 @@ import numpy as np
 
 from motiondlo.events.bucket_kernels import COORDINATE_MASK, TIME_SHIFT, X_SHIFT, Y_MASK, Y_SHIFT, tiles_around
 
+LEAST_TIP_GAIN = 0.15
+"""Of log-likelihood, per event."""
+
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def shortest_window(ages, target, window_min_ms, window_ms):  # type: ignore[no-untyped-def]
@@ -248,58 +251,40 @@ def collect_tip(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def match_tip(histogram, profile, reach, out):  # type: ignore[no-untyped-def]
-    """Maximum-likelihood shift of the tip's profile.
+def match_tip(histogram, levels, reach, out):  # type: ignore[no-untyped-def]
+    """Maximum-likelihood shift of a tip among several profiles; none where a uniform rate explains as much.
 
-    histogram, profile: (n,). out (2,): shift px, sigma px (0: none).
+    histogram: (n,); levels: (P, n + 2 R) expected rates of each profile, the tip in the middle, R >= reach.
+    out (2,): shift px, sigma px (0: none).
     """
     n = histogram.shape[0]
+    margin = (levels.shape[1] - n) // 2
     total = 0.0
     for i in range(n):
         total += histogram[i]
-    # The profile goes on beyond its ends as it ends.
-    level = np.empty(n + 2 * reach)
-    logs = np.empty(n + 2 * reach)
-    for i in range(n + 2 * reach):
-        level[i] = profile[min(max(i - reach, 0), n - 1)]
-        logs[i] = np.log(level[i])
-    best, best_shift = -1e18, 0
-    scores = np.empty(2 * reach + 1)
-    for shift in range(-reach, reach + 1):
-        value = 0.0
-        norm = 0.0
-        for i in range(n):
-            norm += level[i - shift + reach]
-            value += histogram[i] * logs[i - shift + reach]
-        value -= total * np.log(norm)
-        scores[shift + reach] = value
-        if value > best:
-            best, best_shift = value, shift
+    best, best_shift, best_profile = -1e18, 0, 0
+    scores = np.empty((levels.shape[0], 2 * reach + 1))
+    for k in range(levels.shape[0]):
+        logs = np.log(levels[k])
+        for shift in range(-reach, reach + 1):
+            value = 0.0
+            norm = 0.0
+            for i in range(n):
+                norm += levels[k, i - shift + margin]
+                value += histogram[i] * logs[i - shift + margin]
+            value -= total * np.log(norm)
+            scores[k, shift + reach] = value
+            if value > best:
+                best, best_shift, best_profile = value, shift, k
     out[0] = best_shift
     out[1] = 0.0
     k = best_shift + reach
-    if k < 2 or k > 2 * reach - 2:
+    if k < 2 or k > 2 * reach - 2 or best + total * np.log(n) < LEAST_TIP_GAIN * total:
         return
-    bend = scores[k - 2] - 2.0 * scores[k] + scores[k + 2]
-    if bend >= -0.05:
+    score = scores[best_profile]
+    # Near its top only: further off the likelihood is no parabola.
+    bend = score[k - 1] - 2.0 * score[k] + score[k + 1]
+    if bend >= -0.1:
         return
-    out[0] = best_shift + (scores[k - 2] - scores[k + 2]) / bend
-    out[1] = 2.0 * np.sqrt(-1.0 / bend)
-
-
-@numba.njit(cache=True, nogil=True, fastmath=True)
-def learn_tip(histogram, shift_px, rate, start, profile):  # type: ignore[no-untyped-def]
-    """Move a tip's profile (n,) towards a histogram (n,) that lies ``shift_px`` beyond it, and back to its start."""
-    n = profile.shape[0]
-    smooth = np.empty(n)
-    largest = 1e-9
-    for i in range(n):
-        lower = histogram[i - 1] if i > 0 else 0.0
-        upper = histogram[i + 1] if i < n - 1 else 0.0
-        smooth[i] = 0.25 * lower + 0.5 * histogram[i] + 0.25 * upper
-        largest = max(largest, smooth[i])
-    shift = int(np.rint(shift_px))
-    for i in range(n):
-        target = smooth[(i + shift) % n] / largest + 0.03
-        value = profile[i] + rate * (target - profile[i])
-        profile[i] = value + 0.25 * rate * (start[i] - value)
+    out[0] = best_shift + 0.5 * (score[k - 1] - score[k + 1]) / bend
+    out[1] = np.sqrt(-1.0 / bend)

@@ -14,22 +14,36 @@ from motiondlo.tracking.inextensible.end_kernels import (
     collect_patch,
     collect_tip,
     learn_patch,
-    learn_tip,
     match_patch,
     match_tip,
 )
 from motiondlo.tracking.inextensible.end_rows import EndPose, Rows
-from motiondlo.tracking.inextensible.filter_kernels import END_A, RATIO_A
+from motiondlo.tracking.inextensible.filter_kernels import CONSTANTS, END_A, RATIO_A
 from motiondlo.tracking.inextensible.held_extent import HeldExtent
 from motiondlo.tracking.inextensible.observe_kernels import BACKGROUND_SIGMAS
 from motiondlo.tracking.inextensible.params import InextensibleParams
 
 _PATCH_CAPACITY = 8000
+_SURE_LOOKS = 6
+"""Of a patch, from which on it is matched with what was learned."""
 _TIP_REACH_PX = 40
-_TIP_STEP_PX = 2.0
-"""Where the events of a tip end, beyond it."""
+_TIP_EDGE_PX = 0.5
+"""Where the events of the silhouettes end, beyond a tip."""
+_TIP_WIDTH_PX = 0.7
+_TIP_FLOOR = 0.03
+_TIP_FACES = (0.0, 1.0, 3.0, 8.0, 20.0)
+"""Events of a tip's own face, over those of a pixel of its silhouettes: many when it moves along itself."""
 _TIP_SEARCH_PX = 14
 _TIP_SEARCH_NEW_PX = 34
+
+
+def tip_levels() -> FloatArray:
+    """(P, n) expected events along the tangent over a tip, a pixel a column, the tip in the middle."""
+    reach = _TIP_REACH_PX + _TIP_SEARCH_NEW_PX
+    at = np.arange(-reach, reach + 1, dtype=np.float64)
+    sides = 1.0 / (1.0 + np.exp((at - _TIP_EDGE_PX) / (0.55 * _TIP_WIDTH_PX)))
+    face = np.exp(-0.5 * (at / _TIP_WIDTH_PX) ** 2)
+    return np.stack([sides + share * face + _TIP_FLOOR for share in _TIP_FACES])
 
 
 def own_events(count: int, beside: float) -> int:
@@ -50,11 +64,10 @@ class EndTracker:
     """(2,) place of the end when the track started."""
     template: npt.NDArray[np.float32] = field(init=False)
     log_template: npt.NDArray[np.float32] = field(init=False)
-    tip_profile: FloatArray = field(init=False)
     found: bool = False
     """The tip came into view after the start."""
     learned: int = 0
-    tip_learned: int = 0
+    tip_seen: int = 0
     patch_events: int = 0
     tip_rate: float = 0.0
     """Events of the tip per ms, lately."""
@@ -72,9 +85,7 @@ class EndTracker:
         columns = int(2 * p.patch_half_width_px) + 1
         self.template = np.full((rows, columns), 1.0 / (rows * columns), np.float32)
         self.log_template = np.zeros((rows, columns), np.float32)
-        at = np.arange(-_TIP_REACH_PX, _TIP_REACH_PX + 1)
-        self.tip_profile = 0.03 + 0.97 / (1.0 + np.exp((at - _TIP_STEP_PX) / 1.2))
-        self._tip_start = self.tip_profile.copy()
+        self._tip_levels = tip_levels()
         self.extent = HeldExtent(False, p)
         self._histogram = np.zeros(2 * _TIP_REACH_PX + 1)
         self._a = np.empty(_PATCH_CAPACITY, np.float32)
@@ -118,7 +129,7 @@ class EndTracker:
     def jaws_px(self, pose: EndPose, x: FloatArray) -> float:
         """How far what holds the end has moved outward of it by its height, since the track started."""
         lever = pose.place - self.reference
-        return float(x[len(x) - 5 + RATIO_A + self.index]) * float(lever @ pose.outward)
+        return float(x[len(x) - CONSTANTS + RATIO_A + self.index]) * float(lever @ pose.outward)
 
     def observe(
         self,
@@ -144,23 +155,29 @@ class EndTracker:
         p = self.params
         speed = math.hypot(pose.velocity[0], pose.velocity[1])
         # The first look counts most: what holds the DLO starts from rest, where the pose is known best.
-        sure = trusted or (self.learned < 6 and self.stirred)
+        sure = trusted or (self.learned < _SURE_LOOKS and self.stirred)
         if self.held and self.patch_events >= p.patch_events_min and sure and abs(self.shift_px) < 2.5:
             count, _ = self._collect(buckets, t_us, pose, x)
+            if self.learned >= _SURE_LOOKS:
+                self._align(count)
             rate = max(p.patch_learn_rate if speed > 0.5 else 0.3 * p.patch_learn_rate, 1.0 / (self.learned + 1))
             learn_patch(
                 self.template, self.log_template, self._a, self._b, count,
                 -p.patch_inward_px, p.patch_half_width_px, rate, 0.3,
             )  # fmt: skip
             self.learned += 1
-        if self.free and trusted and math.isfinite(self.tip_shift_px):
-            count, _ = self._tip_histogram(buckets, t_us, pose)
-            if count >= p.tip_events_min:
-                # Aligned where it was matched, not where the state has the tip: else a slip would be learned.
-                match_tip(self._histogram, self.tip_profile, _TIP_SEARCH_PX, self._tip)
-                if self._tip[1] > 0.0:
-                    learn_tip(self._histogram, self._tip[0], p.tip_learn_rate, self._tip_start, self.tip_profile)
-                    self.tip_learned += 1
+
+    def _align(self, count: int) -> None:
+        """Move the events of the patch to where its template is matched: a slip of the state is not to be learned."""
+        p = self.params
+        match_patch(
+            self.log_template, self._a, self._b, count, -p.patch_inward_px, p.patch_half_width_px, p.patch_reach_px,
+            p.patch_events_used, self._match,
+        )  # fmt: skip
+        out, across, turn = (float(value) for value in self._match[:3])
+        c, s = math.cos(turn), math.sin(turn)
+        a, b = self._a[:count], self._b[:count]
+        a[:], b[:] = c * a + s * b - out, -s * a + c * b - across
 
     def _follow_background(self, rate: float, speed: float, dt_ms: float) -> None:
         """What passes under or beside a gripper at rest (a belt, flicker) is not the gripper's motion."""
@@ -179,7 +196,7 @@ class EndTracker:
 
     def _collect(self, buckets: EventBuckets, t_us: int, pose: EndPose, x: FloatArray) -> tuple[int, float]:
         p = self.params
-        ratio = float(x[len(x) - 5 + RATIO_A + self.index])
+        ratio = float(x[len(x) - CONSTANTS + RATIO_A + self.index])
         lever_x, lever_y = pose.place[0] - self.reference[0], pose.place[1] - self.reference[1]
         # What lies there in any case neither counts nor ends the window.
         area_px2 = 2.0 * p.patch_half_width_px * (p.patch_length_px + p.patch_inward_px)
@@ -221,7 +238,7 @@ class EndTracker:
         v_x, v_y = pose.velocity.tolist()
         self._follow_background(own / self._window_ms, math.hypot(v_x, v_y), dt_ms)
         axes = ((out_x, out_y), (-out_y, out_x))
-        ratio = float(x[len(x) - 5 + RATIO_A + self.index])
+        ratio = float(x[len(x) - CONSTANTS + RATIO_A + self.index])
         middle = 0.4 * p.patch_length_px
         seen = 0.0 < place_x + middle * out_x < width and 0.0 < place_y + middle * out_y < height
         if own < p.patch_events_min:
@@ -254,6 +271,9 @@ class EndTracker:
             constant = (RATIO_A + self.index, axis[0] * lever_x + axis[1] * lever_y)
             shares = (1.0 + ratio, lag * (1.0 + ratio))
             rows.add_end(pose, axis, 0.0, shares, float(self._match[k]), sigma, constant)
+            if k == 0:
+                # Where its template lies outward of the end is known no better than when it was first seen.
+                rows.h[rows.count - 1, len(x) - CONSTANTS + END_A + self.index] = 1.0
         if self._match[6] * used > 100.0:
             sigma = p.patch_angle_sigma_rad * reuse
             rows.add_end(pose, (0.0, 0.0), 1.0, (1.0, lag), float(self._match[2]), sigma)
@@ -291,16 +311,17 @@ class EndTracker:
         if count < p.tip_events_min:
             return
         # A tip that was just found lies anywhere between two stations.
-        reach = _TIP_SEARCH_PX if self.tip_learned >= 5 or not self.found else _TIP_SEARCH_NEW_PX
-        match_tip(self._histogram, self.tip_profile, reach, self._tip)
+        reach = _TIP_SEARCH_PX if self.tip_seen >= 5 or not self.found else _TIP_SEARCH_NEW_PX
+        match_tip(self._histogram, self._tip_levels, reach, self._tip)
         if self._tip[1] <= 0.0:
             return
         self.tip_shift_px = float(self._tip[0])
+        self.tip_seen += 1
         # From rest a tip goes a few pixels at most between two looks; a sudden jump is something else that passes.
         far = abs(self.tip_shift_px)
         self._tip_moves = far > 1.0 and (far < 4.0 or self._tip_moves)
         reuse = max(1.0, self._window_ms / dt_ms)
-        sigma = math.sqrt((p.tip_sigma_px**2 + 4.0 * float(self._tip[1]) ** 2 + (0.2 * age**2) ** 2) * reuse)
+        sigma = math.sqrt((p.tip_sigma_px**2 + 4.0 * float(self._tip[1]) ** 2 + (p.sigma_age * age**2) ** 2) * reuse)
         axis = (float(pose.outward[0]), float(pose.outward[1]))
         constant = (END_A + self.index, -1.0 if self.index == 0 else 1.0)
         rows.add_end(pose, axis, 0.0, (1.0, -age * p.age_share), self.tip_shift_px, sigma, constant, robust=True)

@@ -1,8 +1,8 @@
 """The extended Kalman filter of a curve: prediction, rows of measurements, robust solution.
 
 Legend: state ``x`` (N,) = pose ``q`` (n,), its rates (n,) per ms, and five constants of the DLO: stretch - 1, offsets
-of both ends along the material (px), height ratios of what holds either end. ``C`` (N, N) its covariance. Rows of
-measurements: ``z = H (x - x_predicted)`` with weight ``w = 1 / sigma^2``.
+of both ends along the material (px; of a held end: of its patch, outward), height ratios of what holds either end.
+``C`` (N, N) its covariance. Rows of measurements: ``z = H (x - x_predicted)`` with weight ``w = 1 / sigma^2``.
 """
 
 from __future__ import annotations

@@ -100,22 +100,24 @@ class InextensibleParams(ScreeningParams):
     patch_reach_px: int = Field(6, ge=2, le=20, description="search for a patch to either side")
     patch_sigma_px: float = Field(1.0, ge=0.1, le=10.0, description="standard deviation of a patch's place")
     patch_angle_sigma_rad: float = Field(0.04, ge=0.001, le=1.0, description="standard deviation of a patch's angle")
+    patch_offset_sigma_px: float = Field(
+        2.0, ge=0.0, le=20.0, description="standard deviation of where a patch was when it was first seen, outward"
+    )
     patch_learn_rate: float = Field(0.06, ge=0.0, le=0.5, description="learning of a patch every other update")
     height_ratio: float = Field(
         0.055, ge=0.0, le=0.5, description="what stands higher moves this much more in the image"
     )
     height_ratio_sigma: float = Field(0.02, ge=0.0, le=0.2, description="its standard deviation")
     patch_rest_sigma: float = Field(0.15, ge=0.01, le=5.0, description="velocity of a silent gripper, px/ms sqrt(ms)")
-    tip_sigma_px: float = Field(1.5, ge=0.1, le=20.0, description="standard deviation of a tip's place")
-    tip_offset_sigma_px: float = Field(3.0, ge=0.1, le=40.0, description="standard deviation of the first frame's tip")
+    tip_sigma_px: float = Field(0.6, ge=0.1, le=20.0, description="standard deviation of a tip's place")
+    tip_offset_sigma_px: float = Field(2.0, ge=0.1, le=40.0, description="standard deviation of the first frame's tip")
     end_absent_ms: float = Field(4.0, ge=0.5, le=100.0, description="absence after which an open end is a tip")
     end_found_sigma_px: float = Field(8.0, ge=0.5, le=40.0, description="standard deviation of a tip just found")
     tip_events_min: int = Field(40, ge=5, le=2000, description="fewest events of a tip that are matched")
     tip_events_target: int = Field(120, ge=10, le=5000, description="events of a tip that end its window")
-    tip_learn_rate: float = Field(0.04, ge=0.0, le=0.5, description="learning of a tip's profile every other update")
 
     presence_velocity: float = Field(
-        0.5, ge=0.05, le=10.0, description="motion across from which silhouettes are judged"
+        0.15, ge=0.05, le=10.0, description="motion across from which silhouettes are judged"
     )
     presence_reach_px: float = Field(3.0, ge=0.5, le=10.0, description="reach of a silhouette")
     presence_looks: int = Field(15, ge=1, le=10000, description="looks before it is believed how far a held DLO goes")

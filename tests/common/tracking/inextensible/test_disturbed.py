@@ -57,7 +57,7 @@ def test_DENSE_NOISE_over_a_slow_dlo_is_expected_and_does_not_pull(bar_scene, sw
         pixels = scene.geometry.width_px * scene.geometry.height_px
         worst = 0.0
         for k in range(100):
-            update = tracker.update(with_noise(scene.batch(k), pixels // 20, rng, scene))
+            update = tracker.update(with_noise(scene.batch(k), pixels // 10, rng, scene))
             worst = max(worst, error_px(update, scene))
         errors[background] = worst
     assert errors[True] < 1.5

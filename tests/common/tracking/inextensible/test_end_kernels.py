@@ -11,11 +11,11 @@ from motiondlo.tracking.inextensible.end_kernels import (
     collect_patch,
     collect_tip,
     learn_patch,
-    learn_tip,
     match_patch,
     match_tip,
     shortest_window,
 )
+from motiondlo.tracking.inextensible.ends import tip_levels
 
 A_MIN, B_MAX = -20.0, 40.0
 
@@ -95,21 +95,34 @@ def test_window_is_as_short_as_the_events_allow() -> None:
     assert shortest_window(ages, 10_000, 1.0, 8.0) == 8.0
 
 
+def tip_histogram(shift: int, sides: float, face: float) -> np.ndarray:
+    """(81,) events per pixel along a tip that lies ``shift`` px outward of the middle."""
+    at = np.arange(-40, 41)
+    histogram = np.where(at <= shift, sides, 0.0)
+    histogram[at == shift] += face
+    return histogram
+
+
 @pytest.mark.parametrize("shift", [-7, 0, 5])
-def test_tip_is_found_where_the_events_stop(shift: int) -> None:
-    profile = 0.03 + 0.97 / (1.0 + np.exp((np.arange(-40, 41) - 1.0) / 1.2))
-    histogram = np.where(np.arange(-40, 41) <= shift, 8.0, 0.0)
-    histogram[20] = 0.0
+@pytest.mark.parametrize(("sides", "face"), [(8.0, 0.0), (6.0, 40.0), (1.0, 90.0)])
+def test_tip_is_found_whichever_way_it_moves(shift: int, sides: float, face: float) -> None:
+    """Moving across, its silhouettes end there; moving along itself, its face makes most events."""
     out = np.zeros(2)
-    match_tip(histogram, profile, 14, out)
-    assert out[0] == pytest.approx(shift, abs=1.0)
-    assert 0.0 < out[1] < 2.0
+    match_tip(tip_histogram(shift, sides, face), tip_levels(), 14, out)
+    assert out[0] == pytest.approx(shift, abs=0.3)
+    assert 0.0 < out[1] < 1.0
+
+
+def test_tip_of_few_events_is_less_sure() -> None:
+    many, few = np.zeros(2), np.zeros(2)
+    match_tip(tip_histogram(2, 6.0, 40.0), tip_levels(), 14, many)
+    match_tip(tip_histogram(2, 1.0, 6.0), tip_levels(), 14, few)
+    assert few[1] > 1.5 * many[1]
 
 
 def test_no_step_in_reach_is_no_tip() -> None:
-    profile = 0.03 + 0.97 / (1.0 + np.exp((np.arange(-40, 41) - 1.0) / 1.2))
     out = np.zeros(2)
-    match_tip(np.full(81, 8.0), profile, 14, out)
+    match_tip(np.full(81, 8.0), tip_levels(), 14, out)
     assert out[1] == 0.0
 
 
@@ -153,14 +166,3 @@ def test_no_event_of_a_turned_and_moving_end_is_left_out(angle_rad: float) -> No
     want = np.bincount(np.floor(along[(np.abs(across) <= 10.0) & (np.abs(along) < 60.0)] + 60.5).astype(int))
     np.testing.assert_array_equal(histogram, want[20:101])
     assert n == histogram.sum()
-
-
-def test_a_tip_learns_what_it_saw_where_it_was_matched() -> None:
-    rng = np.random.default_rng(6)
-    histogram, start, profile = rng.integers(0, 9, 81).astype(float), rng.random(81), rng.random(81)
-    smooth = np.convolve(histogram, [0.25, 0.5, 0.25], "same")
-    target = np.roll(smooth / smooth.max() + 0.03, 3)
-    want = profile + 0.1 * (target - profile)
-    want += 0.025 * (start - want)
-    learn_tip(histogram, -3.2, 0.1, start, profile)
-    np.testing.assert_allclose(profile, want)
