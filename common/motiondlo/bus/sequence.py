@@ -68,7 +68,3 @@ class SequenceLedger:
     def restarts(self) -> int:
         """Restarts of senders seen."""
         return sum(sender.restarts for sender in self._senders.values())
-
-    def lost_by_sender(self) -> dict[str, int]:
-        """Missing messages per sender, those with none left out."""
-        return {name: sender.lost for name, sender in self._senders.items() if sender.lost}

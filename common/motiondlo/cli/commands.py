@@ -41,6 +41,8 @@ class Command:
 COMMANDS = (
     Command("demo", "motiondlo_services.commands.demo", "play the bundled recording through all the real daemons"),
     Command("run", "motiondlo_services.commands.run", "start a cell's daemons under one supervisor"),
+    Command("record", "motiondlo_services.commands.record", "record a running cell"),
+    Command("replay", "motiondlo_services.commands.replay", "play a recording back into a cell at real speed"),
     Command("track", "motiondlo.cli.track", "follow the DLOs through a recording, write tracks.npz"),
     Command("eval", "motiondlo.cli.eval", "errors of tracks against a recording's ground truth"),
     Command("bench", "motiondlo.cli.bench", "time per update and per stage on this machine"),

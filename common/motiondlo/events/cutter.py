@@ -60,11 +60,6 @@ class BatchCutter:
         self._triggers: list[TriggerArray] = []
         self._lost = 0
 
-    @property
-    def pending(self) -> int:
-        """Events that wait for their batch to finish."""
-        return sum(len(part) for part in self._events)
-
     def push(self, events: EventArray, triggers: TriggerArray, now_us: int) -> Iterator[EventBatch]:
         """Take events (N,) and triggers (K,) in time order, and give every batch that ends at or before ``now_us``.
 

@@ -28,6 +28,8 @@ class FrameFailure(StrEnum):
     """The backend's model is not there yet; frames are answered all the same."""
     TIMED_OUT = "timed_out"
     """The backend took longer than its limit."""
+    CANCELLED = "cancelled"
+    """Nobody needs it any more: its DLOs move again."""
 
 
 _MIN_SIDE_PX = 64

@@ -22,10 +22,10 @@ from motiondlo.geometry.curve import arc_length, left_normals, resample, tangent
 
 FloatArray = npt.NDArray[np.float64]
 
-ROW_PX = 2.0
-"""Distance of rows along the curve."""
-_COLUMN_PX, _COLUMNS_PER_WIDTH = (0.5, 1.0), 66.0
-"""Distance of samples across it, and how many of them are plenty."""
+_ROW_PX, _ROWS_PER_WIDTH = (2.0, 6.0), 17.0
+"""Distance of rows along the curve, and how many of them are plenty."""
+_COLUMN_PX, _COLUMNS_PER_WIDTH = (0.5, 1.5), 66.0
+"""The same for samples across it."""
 _LATER_FACTORS = (0.96, 1.0, 1.04, 1.08)
 _HOPELESS = 0.1
 _BLUR_REACH_PX = 8.0
@@ -59,7 +59,7 @@ class RefinedCurve:
     """A centreline measured from edges."""
 
     centre: FloatArray
-    """(K, 2) image px, rows ``ROW_PX`` apart."""
+    """(K, 2) image px, rows ``row_px(width)`` apart."""
     sigma: FloatArray
     """(K,) standard deviation along the normal, px."""
     width: float
@@ -80,7 +80,8 @@ def refine_centreline(
     path: (K, 2) image px, smooth, within about half a width of the truth. width_px: rough width. rounds: passes, each
     on the strip around the last result. smooth_w: smoothing length in widths. search: how far the first pass looks.
     """
-    centre = _even(path)
+    step = row_px(width_px)
+    centre = _even(path, step)
     width = width_px
     result: RefinedCurve | None = None
     for turn in range(max(1, rounds)):
@@ -93,7 +94,7 @@ def refine_centreline(
         both = np.isfinite(widths)
         if int(both.sum()) >= 8:
             width = float(np.median(widths[both]))
-        smooth, sigma = robust_smooth(offset, weight, smooth_w * width / ROW_PX)
+        smooth, sigma = robust_smooth(offset, weight, smooth_w * width / step)
         blur = _edge_blur(strip, smooth, width) if turn + 1 == max(1, rounds) else 0.0
         centre = centre + smooth[:, None] * left_normals(tangents(centre))
         spread = float(1.4826 * np.median(np.abs(widths[both] - width))) if both.any() else width
@@ -102,9 +103,14 @@ def refine_centreline(
             # Of the many strips of a second look few are DLOs.
             break
         if turn + 1 < rounds:
-            centre = _even(_thin_out(centre, width))
+            centre = _even(_thin_out(centre, width, step), step)
     assert result is not None
     return result
+
+
+def row_px(width: float) -> float:
+    """Distance of rows along a DLO of this width, px."""
+    return float(np.clip(width / _ROWS_PER_WIDTH, *_ROW_PX))
 
 
 def column_px(width: float) -> float:
@@ -279,12 +285,14 @@ def _edge_blur(strip: Strip, centre: FloatArray, width: float) -> float:
     """
     step = strip.offsets[1] - strip.offsets[0]
     inner, outer = int(0.1 * width / step), int((0.5 * width + _BLUR_REACH_PX) / step)
-    middle = np.round((centre - strip.offsets[0]) / step).astype(np.int64)
+    # Every third row: neighbours say the same.
+    rows = np.arange(0, len(centre), 3)
+    middle = np.round((centre[rows] - strip.offsets[0]) / step).astype(np.int64)
     widths = []
     for sign in (-1, 1):
         columns = middle[:, None] + sign * np.arange(inner, outer + 1)[None]
         index = np.clip(columns, 0, strip.ratio.shape[1] - 1)
-        profile = strip.ratio[np.arange(len(index))[:, None], index].astype(np.float64)
+        profile = strip.ratio[rows[:, None], index].astype(np.float64)
         swing = profile.max(axis=1) - profile.min(axis=1)
         slope = np.abs(np.diff(profile, axis=1)).max(axis=1) / step
         channel = int(np.argmax(np.median(swing, axis=0)))
@@ -294,14 +302,14 @@ def _edge_blur(strip: Strip, centre: FloatArray, width: float) -> float:
     return min(widths) if widths else 0.0
 
 
-def _even(path: FloatArray) -> FloatArray:
+def _even(path: FloatArray, step_px: float) -> FloatArray:
     length = float(arc_length(path)[-1])
-    return resample(path, max(8, round(length / ROW_PX) + 1))
+    return resample(path, max(8, round(length / step_px) + 1))
 
 
-def _thin_out(centre: FloatArray, width: float) -> FloatArray:
+def _thin_out(centre: FloatArray, width: float, step_px: float) -> FloatArray:
     """Smooth the curve itself a little, so that the normals of the next pass do not fan out."""
-    sigma = max(0.15 * width / ROW_PX, 0.5)
+    sigma = max(0.15 * width / step_px, 0.5)
     smooth = gaussian_filter1d(centre, sigma, axis=0, mode="nearest")
     edge = int(3 * sigma) + 1
     if len(centre) <= 2 * edge:

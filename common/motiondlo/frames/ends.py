@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import gaussian_filter1d
 
-from motiondlo.frames.edges import centre_path, column_px, edge_strength, locate_edges, robust_smooth
+from motiondlo.frames.edges import centre_path, column_px, edge_strength, locate_edges, robust_smooth, row_px
 from motiondlo.frames.strip import Scene, sample_strip
 from motiondlo.geometry.curve import arc_length, left_normals, point_at, tangents
 
@@ -205,7 +205,8 @@ def _recentre(
     them have both edges.
     """
     known = min(int(1.2 * width), len(tail) - 1)
-    curve = np.concatenate([tail[-known:], ahead])[::2]
+    stride = max(2, round(row_px(width) / _STEP_PX))
+    curve = np.concatenate([tail[-known:], ahead])[::stride]
     strip = sample_strip(scene, curve, 1.0 * width + 4.0, column_px(width))
     g = edge_strength(strip)
     rough = centre_path(g, strip.offsets, width)
@@ -213,13 +214,14 @@ def _recentre(
     both = np.isfinite(widths)
     # Beyond the end anything may look like edges: only small corrections are followed.
     weight = np.where(np.abs(offset) < 0.35 * width, weight, 0.0)
-    weight[: max(known // 4, 1)] = 1.0
-    offset[: max(known // 4, 1)] = 0.0
-    smooth, _ = robust_smooth(offset, weight, 0.7 * width / (2.0 * _STEP_PX))
-    rows = np.arange(len(curve)) * 2.0
+    held = max(known // (2 * stride), 1)
+    weight[:held] = 1.0
+    offset[:held] = 0.0
+    smooth, _ = robust_smooth(offset, weight, 0.7 * width / (stride * _STEP_PX))
+    rows = np.arange(len(curve)) * float(stride)
     moved = np.interp(known + np.arange(len(ahead)), rows, smooth)
     normals = left_normals(tangents(ahead)) if len(ahead) > 1 else np.zeros_like(ahead)
-    edged = both[np.clip((known + np.arange(len(ahead))) // 2, 0, len(both) - 1)]
+    edged = both[np.clip((known + np.arange(len(ahead))) // stride, 0, len(both) - 1)]
     return np.asarray(ahead + moved[:, None] * normals, dtype=np.float64), edged
 
 

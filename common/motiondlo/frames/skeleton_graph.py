@@ -88,7 +88,7 @@ def build_graph(skeleton: Mask, radius: npt.NDArray[np.float32]) -> SkeletonGrap
     crowded = np.asarray(degree >= 3, dtype=np.uint8)
     _, labels = cv2.connectedComponents(crowded, connectivity=8)
     node = np.asarray(labels, dtype=np.int32)
-    centre = {k: _cluster_centre(node, k) for k in range(1, int(node.max()) + 1)}
+    centre = _cluster_centres(node)
     visited = np.zeros_like(mask)
     buffer = np.empty((int(mask.sum()) + 4, 2), np.int32)
     branches: list[Branch] = []
@@ -162,9 +162,14 @@ def _dissolve(branches: list[Branch]) -> list[Branch]:
         result = [b for k, b in enumerate(result) if k not in (i, j)] + [joined]
 
 
-def _cluster_centre(node: npt.NDArray[np.int32], label: int) -> FloatArray:
-    ys, xs = np.nonzero(node == label)
-    return np.array([xs.mean(), ys.mean()])
+def _cluster_centres(node: npt.NDArray[np.int32]) -> dict[int, FloatArray]:
+    """Mean (x, y) of the pixels of every label above 0."""
+    ys, xs = np.nonzero(node)
+    labels = node[ys, xs]
+    counts = np.bincount(labels)
+    x = np.bincount(labels, weights=xs) / np.maximum(counts, 1)
+    y = np.bincount(labels, weights=ys) / np.maximum(counts, 1)
+    return {k: np.array([x[k], y[k]]) for k in range(1, len(counts))}
 
 
 def _around(mask: Mask, y: int, x: int) -> list[tuple[int, int]]:

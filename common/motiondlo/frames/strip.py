@@ -12,6 +12,7 @@ import numpy.typing as npt
 from motiondlo.frames.board import BoardModel
 from motiondlo.frames.colour import Float32Array, Image
 from motiondlo.frames.covers import Cover
+from motiondlo.frames.strip_kernels import sample_pair
 from motiondlo.geometry.curve import left_normals, tangents
 
 FloatArray = npt.NDArray[np.float64]
@@ -31,14 +32,19 @@ class Scene:
     """What is wider than any DLO: grippers, plates, knots of several DLOs."""
 
     @cached_property
-    def image_float(self) -> Float32Array:
-        """(H, W, 3) float32: strips overlap, so converting once is cheaper than per strip."""
-        return self.image_bgr.astype(np.float32)
+    def board_bgr(self) -> Image:
+        """(H, W, 3) uint8: the plate, or, without one, the board's own model at full size."""
+        if self.background is not None:
+            return self.background
+        light = np.maximum(np.exp(self.board.board_log) - 0.02, 0.0)
+        code = np.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1.0 / 2.4) - 0.055) * 255.0
+        full = cv2.resize(code.astype(np.float32), self.size, interpolation=cv2.INTER_LINEAR)
+        return np.asarray(np.clip(full + 0.5, 0.0, 255.0), dtype=np.uint8)
 
     @cached_property
-    def background_float(self) -> Float32Array | None:
-        """(H, W, 3) float32, or None without a plate."""
-        return None if self.background is None else self.background.astype(np.float32)
+    def code_gain(self) -> Float32Array:
+        """(h, w, 3) or (1, 1, 3): codes of the frame over those of the plate (2.2th root of light)."""
+        return np.asarray(np.exp(self.board.gain_log / np.float32(2.2)), dtype=np.float32)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -58,8 +64,15 @@ class Strip:
     """(K, V) inside the image."""
     offsets: FloatArray
     """(V,) signed distance from the curve along the left normal, px."""
-    places: FloatArray
-    """(K, V, 2) image px."""
+    centre: FloatArray
+    """(K, 2) image px."""
+    normals: FloatArray
+    """(K, 2) unit vectors."""
+
+    @property
+    def places(self) -> FloatArray:
+        """(K, V, 2) image px."""
+        return _places(self.centre, self.normals, self.offsets)
 
 
 def sample_strip(scene: Scene, centre: FloatArray, half_width_px: float, step_px: float) -> Strip:
@@ -69,37 +82,26 @@ def sample_strip(scene: Scene, centre: FloatArray, half_width_px: float, step_px
     """
     count = int(np.ceil(half_width_px / step_px))
     offsets = np.asarray(np.arange(-count, count + 1) * step_px, dtype=np.float64)
-    normals = left_normals(tangents(centre))
-    places = centre[:, None, :] + offsets[None, :, None] * normals[:, None, :]
-    width, height = scene.size
-    map_x, map_y = places[..., 0].astype(np.float32), places[..., 1].astype(np.float32)
-    known = (map_x >= 0) & (map_y >= 0) & (map_x <= width - 1) & (map_y <= height - 1)
-    image = _remap(scene.image_float, map_x, map_y)
-    if scene.background_float is not None:
-        board = _remap(scene.background_float, map_x, map_y)
-        gain = scene.board.gain_log
-        if gain.shape[0] == 1:
-            gain_at = np.broadcast_to(gain, board.shape)
-        else:
-            gain_at = _at_working_size(gain, map_x, map_y, scene.board.scale)
-        # Codes grow with about the 2.2th root of light.
-        board = np.asarray(board * np.exp(gain_at / np.float32(2.2)), dtype=np.float32)
-    else:
-        light = np.maximum(np.exp(_at_working_size(scene.board.board_log, map_x, map_y, scene.board.scale)) - 0.02, 0.0)
-        code = np.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1.0 / 2.4) - 0.055) * 255.0
-        board = np.asarray(code, dtype=np.float32)
-    ratio = (image + np.float32(CODE_OFFSET)) / (board + np.float32(CODE_OFFSET))
-    return Strip(image, np.asarray(ratio, dtype=np.float32), known, offsets, places)
+    centre = np.ascontiguousarray(centre, dtype=np.float64)
+    normals = np.ascontiguousarray(left_normals(tangents(centre)))
+    shape = (len(centre), len(offsets))
+    image, ratio = np.empty((*shape, 3), np.float32), np.empty((*shape, 3), np.float32)
+    known = np.empty(shape, np.bool_)
+    sample_pair(
+        scene.image_bgr,
+        scene.board_bgr,
+        scene.code_gain,
+        scene.board.scale,
+        CODE_OFFSET,
+        centre,
+        normals,
+        offsets,
+        image,
+        ratio,
+        known,
+    )
+    return Strip(image, ratio, known, offsets, centre, normals)
 
 
-def _remap(image: Float32Array, map_x: Float32Array, map_y: Float32Array) -> Float32Array:
-    sampled = cv2.remap(image, map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(sampled, dtype=np.float32)
-
-
-def _at_working_size(values: Float32Array, map_x: Float32Array, map_y: Float32Array, scale: float) -> Float32Array:
-    """Samples of an array at working size; pixel centres are integers at both sizes."""
-    small_x = (map_x + np.float32(0.5)) / np.float32(scale) - np.float32(0.5)
-    small_y = (map_y + np.float32(0.5)) / np.float32(scale) - np.float32(0.5)
-    sampled = cv2.remap(values, small_x, small_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(sampled, dtype=np.float32)
+def _places(centre: FloatArray, normals: FloatArray, offsets: FloatArray) -> FloatArray:
+    return np.asarray(centre[:, None, :] + offsets[None, :, None] * normals[:, None, :], dtype=np.float64)

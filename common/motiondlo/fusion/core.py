@@ -160,6 +160,10 @@ class FusionCore:
         sent = self._requests.under_way
         return sent is not None and sent.number == request.number
 
+    def withdrawn(self) -> tuple[int, ...]:
+        """Numbers of requests under way that nobody needs any more, because their DLOs moved again; drained."""
+        return self._requests.withdrawn()
+
     @property
     def cancelled(self) -> int:
         """Requests that were cancelled because their DLOs moved again."""

@@ -12,8 +12,8 @@ class RequestPlanner:
     """Keeps at most one segmentation under way. All times are event microseconds that come in with the data.
 
     A request is for some DLOs (or for none in particular) and is cancelled when all of them move again: what was not
-    sent is forgotten, what was sent is no longer waited for. Its answer is welcome all the same; it just does not count
-    as that of a later request.
+    sent is forgotten, what was sent is no longer waited for, and whoever works on it may be told to stop
+    (:meth:`withdrawn`). If its answer comes it is welcome all the same; it just does not count as that of a later one.
     """
 
     def __init__(self, params: FusionParams) -> None:
@@ -28,6 +28,7 @@ class RequestPlanner:
         self.failures_in_a_row = 0
         self.failures = 0
         self.cancelled = 0
+        self._withdrawn: list[int] = []
 
     def want(self, reason: str, after_us: int, ids: frozenset[int] = frozenset()) -> None:
         """Wish for a segmentation; a newer wish takes the place of one that was not sent yet, and its DLOs."""
@@ -53,8 +54,15 @@ class RequestPlanner:
             self._wanted = replace(self._wanted, ids=left) if left else None
         if self._sent is not None and self._sent.ids:
             left = self._sent.ids - ids
-            self.cancelled += int(not left)
+            if not left:
+                self.cancelled += 1
+                self._withdrawn.append(self._sent.number)
             self._sent = replace(self._sent, ids=left) if left else None
+
+    def withdrawn(self) -> tuple[int, ...]:
+        """Numbers of the requests that were sent and cancelled since the last call."""
+        numbers, self._withdrawn = tuple(self._withdrawn), []
+        return numbers
 
     def due(self, now_us: int) -> FrameRequest | None:
         """The request to send now, if any; it counts as under way from then on."""

@@ -125,11 +125,6 @@ class HomographyRefinement:
         """Remember a pair; the oldest goes when there are too many."""
         self._pairs.append(pair)
 
-    def revert(self) -> None:
-        """Back to the given homography; forgets all pairs."""
-        self.event_from_rgb = self._given
-        self._pairs.clear()
-
     def propose(self) -> Refinement:
         """Fit the correction to two thirds of the pairs, try it on the others; take it over if it proves itself."""
         pairs, p = list(self._pairs), self._params

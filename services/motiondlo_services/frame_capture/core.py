@@ -74,6 +74,11 @@ class CaptureCore:
             return [Capture(self._frames[0], request_id)]
         return self._answer()
 
+    def withdraw(self, request_id: int) -> None:
+        """Nobody needs the frame of this request any more."""
+        if self._request is not None and self._request.request_id == request_id:
+            self._request = None
+
     def skip(self, entry: FrameEntry, reason: RejectReason) -> None:
         """A frame could not be read: counted, and the request goes on to the next one."""
         self.rejects.count(reason)

@@ -70,6 +70,11 @@ def serve(shell: Shell, bus: Bus) -> None:
         while (command := commands.take()) is not None:
             args = command.request.args
             after_us, request_id = args.get("after_us", -1), args.get("request_id", "")
+            if "cancel" in args:
+                for number in [number for number, asked in requests.items() if asked == args["cancel"]]:
+                    core.withdraw(number)
+                command.answer()
+                continue
             if not isinstance(after_us, int) or not isinstance(request_id, str):
                 command.refuse("after_us must be an integer and request_id a text.", "Correct the request.")
                 continue

@@ -68,6 +68,11 @@ class LiveCaptureCore:
         self._request = (request_id, after_us)
         return [] if self._newest is None else self._answer(self._newest)
 
+    def withdraw(self, request_id: int) -> None:
+        """Nobody needs the frame of this request any more."""
+        if self._request is not None and self._request[0] == request_id:
+            self._request = None
+
     def step(self, now_ns: int) -> list[LiveCapture]:
         """The frames to hand out now."""
         captures = []

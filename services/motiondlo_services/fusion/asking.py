@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 
 from motiondlo.bus.errors import CommandError
 from motiondlo.bus.session import Bus
@@ -27,6 +28,10 @@ class FrameAsker:
         self.number = request.number
         self._answer = self._pool.submit(self._ask, request, request_id)
 
+    def withdraw(self, request_id: str) -> None:
+        """Tell frame-capture and the segmenter that nobody needs the answer any more; whether they hear it or not."""
+        self._pool.submit(self._tell, {"cancel": request_id})
+
     @property
     def busy(self) -> bool:
         """The last request has not been answered yet."""
@@ -47,6 +52,10 @@ class FrameAsker:
         except CommandError as error:
             return str(error)
         return ""
+
+    def _tell(self, args: dict[str, str]) -> None:
+        with suppress(CommandError):
+            self._bus.ask("segment", args, timeout_s=TIMEOUT_S)
 
     def close(self) -> None:
         """Wait for the request under way."""

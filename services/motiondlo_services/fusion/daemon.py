@@ -39,7 +39,8 @@ def serve(shell: Shell, bus: Bus) -> None:
     asker = FrameAsker(bus)
     asked: dict[str, Asked] = {}
     now_us, degraded, started_ns = -1, "", time.monotonic_ns()
-    silence, t_ingest_ns = Silence(live=not replay.recording), 0
+    live, t_ingest_ns = not replay.recording, 0
+    silence = Silence(live)
     shell.ready()
 
     def on_track(message: TrackMessage) -> None:
@@ -73,6 +74,11 @@ def serve(shell: Shell, bus: Bus) -> None:
         if asker.failed():
             not_taken = Segmentation(now_us, "", failure=f"not taken: {asker.last_error}")
             core.on_segmentation(not_taken, now_us, asker.number)
+        for number in core.withdrawn():
+            # Not in a replay, which is to give what the offline run gives: there a late shape is used all the same.
+            if live:
+                for request_id in [key for key, of in asked.items() if of.number == number]:
+                    asker.withdraw(request_id)
         request = core.frame_request((time.monotonic_ns() - started_ns) // 1000)
         if request is not None:
             request_id = f"fusion-{shell.counts['requests']}"

@@ -75,6 +75,11 @@ class SegmenterCore:
         """Frames before this event time are not handed to the backend; -1: no pause."""
         return self._retry_us
 
+    def on_cancelled(self, t_us: int, frame_name: str) -> Segmentation:
+        """The answer for a frame that nobody needs any more; no failure of the backend's."""
+        self.counts["cancelled"] += 1
+        return self._broken(t_us, frame_name, FrameFailure.CANCELLED)
+
     def on_frame(self, image_bgr: Image, t_us: int, frame_name: str) -> Segmentation:
         """Segment one frame; a failure comes back as a Segmentation with its reason."""
         self.counts["frames"] += 1
@@ -96,6 +101,8 @@ class SegmenterCore:
                 times,
             )
         except BackendUnavailable as refusal:
+            if refusal.failure is FrameFailure.CANCELLED:
+                return self.on_cancelled(t_us, frame_name)
             self.problem = f"{frame_name}: {refusal}"
             if refusal.failure is not FrameFailure.STILL_LOADING:
                 self._pause(t_us)

@@ -17,6 +17,7 @@ from motiondlo.topics import FRAME, SEGMENTATION
 from motiondlo_services.runtime.shell import Shell, run_daemon
 from motiondlo_services.segmenter.config import SegmenterConfig
 from motiondlo_services.segmenter.core import SegmenterCore
+from motiondlo_services.segmenter.withdrawals import Withdrawals
 from motiondlo_services.segmenter.worker import WorkerBackend
 
 WAIT_S = 0.2
@@ -27,7 +28,8 @@ def serve(shell: Shell, bus: Bus) -> None:
     # Configuration and core; kernels are loaded before the first frame is accepted, a model in the background.
     config = shell.section(SegmenterConfig).resolved(shell.cell.path.parent)
     with ExitStack() as stack:
-        backend = _backend(config, shell, stack)
+        job = _Job(shell, Withdrawals(bus.serve(("segment",))))
+        backend = _backend(config, job, stack)
         background = shell.cell.background()
         event_from_rgb = shell.cell.event_map()
         if background is not None:
@@ -44,10 +46,17 @@ def serve(shell: Shell, bus: Bus) -> None:
         with suppress(_Stopped):
             while shell.running:
                 bus.wait(WAIT_S, frames)
+                job.withdrawals.look()
                 message = frames.newest()
                 if message is not None:
                     shell.t_us = message.t_us
-                    result = core.on_frame(_bgr(message), message.t_us, message.name)
+                    job.request_id = message.request_id
+                    job.withdrawals.look()
+                    if job.cancelled:
+                        result = core.on_cancelled(message.t_us, message.name)
+                    else:
+                        result = core.on_frame(_bgr(message), message.t_us, message.name)
+                    job.request_id = ""
                     segmentations.put(SegmentationMessage.from_segmentation(result, message.request_id))
                     shell.latency("segment", int(result.elapsed_ms * 1e6))
                     for stage, elapsed_ns in core.stages_ns.items():
@@ -55,25 +64,51 @@ def serve(shell: Shell, bus: Bus) -> None:
                     shell.take_over(core.counts)
                     shell.problems = (core.problem,) if core.problem else ()
                     shell.lifecycle = "degraded" if core.degraded else "running"
-                shell.tick(_info(backend), core.rejects.as_dict(), now=message is not None)
+                shell.tick(
+                    {**_info(backend), "paused_until_us": core.retry_us},
+                    core.rejects.as_dict(),
+                    now=message is not None,
+                )
 
 
 class _Stopped(Exception):
     """The process was asked to stop while a frame was waited for."""
 
 
-def _backend(config: SegmenterConfig, shell: Shell, stack: ExitStack) -> SegmenterBackend:
+class _Job:
+    """The frame at hand, and what is looked at while a worker has it."""
+
+    def __init__(self, shell: Shell, withdrawals: Withdrawals) -> None:
+        self._shell = shell
+        self._told = ""
+        self.withdrawals = withdrawals
+        self.backend: WorkerBackend | None = None
+        self.request_id = ""
+
+    @property
+    def cancelled(self) -> bool:
+        """Whether nobody needs the frame at hand any more."""
+        return self.withdrawals.has(self.request_id)
+
+    def pulse(self) -> None:
+        """Heartbeat, and an end to work for nobody. Raises _Stopped."""
+        if not self._shell.running:
+            raise _Stopped
+        self.withdrawals.look()
+        if self.backend is None:
+            return
+        if self.cancelled and self._told != self.request_id:
+            self._told = self.request_id
+            self.backend.cancel()
+        self._shell.tick(_info(self.backend), {})
+
+
+def _backend(config: SegmenterConfig, job: _Job, stack: ExitStack) -> SegmenterBackend:
     """The backend in this process, or in one of its own where it runs a model."""
     if not runs_model(config.backend):
         return create_backend(config)
     check_model(config)
-
-    def pulse() -> None:
-        if not shell.running:
-            raise _Stopped
-        shell.tick(_info(backend), {})
-
-    backend = WorkerBackend(config, pulse)
+    backend = job.backend = WorkerBackend(config, job.pulse)
     stack.callback(backend.stop)
     return backend
 

@@ -19,7 +19,7 @@ from motiondlo.frames.checks import FrameFailure
 from motiondlo.frames.masks import MaskSet
 from motiondlo.frames.params import FrameParams
 from motiondlo_services.segmenter.channel import Channel, ChannelClosed
-from motiondlo_services.segmenter.worker_process import decode_masks
+from motiondlo_services.segmenter.worker_process import CANCEL_SIGNAL, decode_masks
 from motiondlo_services.supervisor import describe_exit
 
 Image = npt.NDArray[np.uint8]
@@ -49,6 +49,7 @@ class WorkerBackend:
         self.trouble = ""
         """Why it is stopped."""
         self._said = True
+        self._cancelled = False
         self.state = WorkerState.STOPPED
         self.restarts = -1
         self._start()
@@ -78,6 +79,7 @@ class WorkerBackend:
             raise BackendUnavailable(FrameFailure.STILL_LOADING, f"{self.name} is still loading its model")
         # The empty board stays here: backends with a model see the frame alone.
         request = {"image": _encoded(image_bgr), "frame_name": frame_name}
+        self._cancelled = False
         until_s = time.monotonic() + self._params.time_limit_s
         try:
             self._channel.put(request, until_s, self._pulse)
@@ -92,9 +94,21 @@ class WorkerBackend:
             # Whoever interrupts the waiting leaves an answer on its way: it must not be taken for the next frame's.
             self.stop("interrupted")
             raise
+        if self._cancelled or "cancelled" in answer:
+            raise BackendUnavailable(FrameFailure.CANCELLED, "nobody needs it any more")
         if "error" in answer:
             raise RuntimeError(answer["error"])
         return decode_masks(answer)
+
+    def cancel(self) -> None:
+        """Nobody needs the frame that is waited for: to be called from ``pulse``.
+
+        The worker stops between two operations of its model and keeps the model; where it cannot, its answer is thrown
+        away, and the time limit holds as ever.
+        """
+        self._cancelled = True
+        if self._child is not None:
+            self._child.send_signal(CANCEL_SIGNAL)
 
     def poll(self) -> WorkerState:
         """Notice that the model is loaded, that it cannot be, or that the worker has ended; never waits."""

@@ -7,8 +7,12 @@ happens here (a hang, a crash, memory that runs out) happens to this process alo
 from __future__ import annotations
 
 import math
+import signal
 import socket
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -20,9 +24,17 @@ from motiondlo.frames.params import FrameParams
 from motiondlo_services.runtime.shutdown import die_with_parent
 from motiondlo_services.segmenter.channel import Channel, ChannelClosed
 
+CANCEL_SIGNAL = signal.SIGUSR1
+"""Stop the frame at hand; nothing happens where there is none."""
+
+
+class _Cancelled(BaseException):
+    """The frame at hand is not needed any more."""
+
 
 def main(argv: list[str]) -> int:
     """``argv``: the socket's number. Returns the exit code."""
+    signal.signal(CANCEL_SIGNAL, signal.SIG_IGN)
     die_with_parent()
     channel = Channel(socket.socket(fileno=int(argv[0])))
     try:
@@ -76,9 +88,28 @@ def _load(channel: Channel, params: FrameParams) -> SegmenterBackend | None:
 def _answer(backend: SegmenterBackend, request: dict[str, Any]) -> dict[str, Any]:
     try:
         image = _image(request["image"])
-        return encode_masks(backend.segment(image, None, request["frame_name"]))
+        with _cancellable():
+            found = backend.segment(image, None, request["frame_name"])
+        return encode_masks(found)
+    except _Cancelled:
+        signal.signal(CANCEL_SIGNAL, signal.SIG_IGN)  # it may have come while the handler was taken away
+        return {"cancelled": True}
     except Exception as error:  # noqa: BLE001 -- as above
         return {"error": f"{type(error).__name__}: {error}"}
+
+
+@contextmanager
+def _cancellable() -> Iterator[None]:
+    """Within it the signal raises _Cancelled, as soon as the interpreter is back from what the model is doing."""
+
+    def stop(signum: int, frame: FrameType | None) -> None:
+        raise _Cancelled
+
+    signal.signal(CANCEL_SIGNAL, stop)
+    try:
+        yield
+    finally:
+        signal.signal(CANCEL_SIGNAL, signal.SIG_IGN)
 
 
 def _image(encoded: list[Any]) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:

@@ -43,10 +43,10 @@ def test_silence_gives_empty_batches() -> None:
 def test_a_batch_is_not_finished_before_its_time_is_over() -> None:
     cutter = BatchCutter(1000)
     assert list(cutter.push(at(100, 200), empty_triggers(), 900)) == []
-    assert cutter.pending == 2
     (batch,) = cutter.push(at(950, 1010), empty_triggers(), 1000)
     assert batch.events["t"].tolist() == [100, 200, 950]
-    assert cutter.pending == 1
+    (last,) = cutter.push(empty_events(), empty_triggers(), 2000)
+    assert last.events["t"].tolist() == [1010]
 
 
 def test_triggers_travel_in_the_batch_they_belong_to() -> None:

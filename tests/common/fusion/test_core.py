@@ -338,3 +338,15 @@ def test_CAMERA_GONE_the_last_state_says_that_nothing_supports_it() -> None:
     back = core.on_track(update(4_000_000, track(0, nodes)))
     assert back.mode != Mode.DEGRADED
     assert core.degraded_reason == ""
+
+
+def test_a_request_that_was_sent_is_withdrawn_when_its_dlo_moves_again() -> None:
+    core, nodes = booted()
+    core.on_track(update(2_000_000, track(0, nodes, moving=True)))
+    core.on_track(update(2_200_000, track(0, nodes)))
+    request = core.frame_request()
+    assert request is not None
+    assert core.withdrawn() == ()
+    core.on_track(update(2_300_000, track(0, nodes, moving=True)))
+    assert core.withdrawn() == (request.number,)
+    assert core.withdrawn() == (), "said once"

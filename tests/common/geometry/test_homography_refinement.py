@@ -49,16 +49,13 @@ def error(h: FloatArray, true: FloatArray) -> float:
     return float(np.hypot(*(warp_points(warp_points(event, np.linalg.inv(true)), h) - event).T).mean())
 
 
-def test_a_wrong_homography_is_refined_and_put_back() -> None:
+def test_a_wrong_homography_is_refined() -> None:
     true = shifted(1.2, -0.9)
     refinement = filled(true)
     outcome = refinement.propose()
     assert outcome.accepted, outcome.reason
     assert error(outcome.event_from_rgb, true) < 0.25 * error(GIVEN, true)
     assert outcome.after_px < 0.5 * outcome.before_px
-    refinement.revert()
-    assert np.array_equal(refinement.event_from_rgb, GIVEN)
-    assert len(refinement) == 0
 
 
 def test_a_right_homography_is_left_alone() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 import time
 
 import cv2
@@ -80,6 +81,30 @@ def test_a_hung_worker_is_given_up_in_time_and_a_new_one_takes_over(start, frame
     assert wait_until_loaded(backend) is WorkerState.READY
     assert backend.restarts == 1
     assert backend.pid != hung
+
+
+def test_SEGMENTATION_CANCELLED_the_worker_keeps_its_model_and_takes_the_next_frame(start, frame):
+    class Canceller:
+        backend = None
+
+        def __call__(self):
+            if self.backend is not None:
+                self.backend.cancel()
+
+    canceller = Canceller()
+    backend = start(pulse=canceller)
+    core = SegmenterCore(FrameParams(), backend, policy=POLICY)
+    assert wait_until_loaded(backend) is WorkerState.READY
+    worker = backend.pid
+    os.kill(worker, signal.SIGSTOP)
+    canceller.backend = backend
+    threading.Timer(0.5, os.kill, (worker, signal.SIGCONT)).start()
+    assert core.on_frame(frame, 0, "a").failure == "cancelled"
+    canceller.backend = None
+    assert not core.degraded
+    assert core.failures_in_a_row == 0
+    assert core.on_frame(frame, 1, "b").failure == ""
+    assert (backend.pid, backend.restarts) == (worker, 0)
 
 
 def test_a_killed_worker_is_a_named_failure_and_comes_back(start, frame):

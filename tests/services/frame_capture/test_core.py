@@ -48,3 +48,14 @@ def test_TRIGGER_DROPPED_does_not_shift_the_others() -> None:
     seen = [c.entry.t_us for t in (12_000, 112_000) for c in core.on_trigger(t)]
     assert seen == [12_000, 112_000]
     assert core.rejects.as_dict() == {RejectReason.FRAME_WITHOUT_TRIGGER: 1}
+
+
+def test_a_withdrawn_request_gets_no_frame() -> None:
+    core = CaptureCore(frames(12_000, 62_000), tolerance_us=1000)
+    core.on_trigger(12_000)
+    assert core.on_request(7, 20_000) == []
+    core.withdraw(6)
+    assert core.waiting
+    core.withdraw(7)
+    assert core.on_trigger(62_000) == []
+    assert not core.waiting

@@ -77,6 +77,13 @@ def test_a_newer_request_replaces_one_that_waits() -> None:
     assert cell.expose(3) == [(150_000, 2)]
 
 
+def test_a_withdrawn_request_gets_no_frame() -> None:
+    cell = Cell()
+    cell.core.on_request(1, 60_000, 75_000_000)
+    cell.core.withdraw(1)
+    assert cell.expose(2) == []
+
+
 def test_a_recorder_gets_every_frame() -> None:
     cell = Cell(publish_all=True)
     assert cell.expose(1) == [(50_000, 0)]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
-
 import numpy as np
 import numpy.typing as npt
 
@@ -27,7 +25,7 @@ from motiondlo.tracking.paper.noise_filter import NoiseFilter
 from motiondlo.tracking.paper.observations import Observations, observe
 from motiondlo.tracking.paper.params import PaperParams
 from motiondlo.tracking.paper.recentness import AdaptiveDecay, longest_ages_us
-from motiondlo.tracking.paper.recovery import RecoveryMonitor, Trigger
+from motiondlo.tracking.paper.recovery import RecoveryMonitor
 from motiondlo.tracking.paper.region import Region, cell_size_px, tube_around, whole_sensor
 from motiondlo.tracking.paper.registration import register, respaced
 from motiondlo.tracking.paper.stage_clock import StageClock
@@ -69,14 +67,6 @@ class PaperTracker:
         self._rho = 0.0
         self._searches = 0
         self._lines_in_a_row = 0
-
-    @property
-    def reinitialisations(self) -> dict[str, int]:
-        """How often each of the three triggers fired, over all DLOs."""
-        total = Counter({trigger.value: 0 for trigger in Trigger})
-        for track in self._tracks.values():
-            total.update({trigger.value: count for trigger, count in track.recovery.counts.items()})
-        return dict(total)
 
     # corrections
 
