@@ -49,6 +49,7 @@ COMMANDS = (
     Command("bench segmenter", "motiondlo.cli.bench_segmenter", "time per frame of a segmenter backend"),
     Command("bench live", "motiondlo_services.commands.bench_live", "end-to-end latency through the real daemons"),
     Command("calibrate homography", "motiondlo.cli.calibrate", "map from RGB to event pixels, with its residuals"),
+    Command("calibrate lens", "motiondlo.cli.calibrate_lens", "a camera's lens from pictures of a board"),
     Command("simulate", "motiondlo.cli.simulate", "make a recording with exact truth from a scene"),
     Command("info", "motiondlo.cli.info", "summarise a recording or an events file"),
     Command("certs", "motiondlo.cli.certs", "make, list and renew the certificates of the gate and its visitors"),
