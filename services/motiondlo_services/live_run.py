@@ -6,7 +6,7 @@ import random
 import socket
 import time
 from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,11 +17,11 @@ from motiondlo.errors import MotionDLOError
 from motiondlo.fusion.state import FrameRequest
 from motiondlo.messages.health import HealthMessage
 from motiondlo.messages.state import StateMessage
-from motiondlo.topics import HEALTH, STATE
+from motiondlo.topics import HEALTH
 from motiondlo_services.cell_config import bus_section, check_configuration, wanted_processes
 from motiondlo_services.fusion.asking import FrameAsker
 from motiondlo_services.processes import PROCESSES
-from motiondlo_services.runtime.realtime import use_subscriber_scheduling
+from motiondlo_services.state_watch import Seen, StateWatch
 from motiondlo_services.supervisor import Supervisor
 
 _AFTER_S = 0.8
@@ -97,7 +97,7 @@ def play(
 ) -> LiveRun:
     """Start the cell of ``config``, play its recording to the end, stop the cell.
 
-    The subscriber runs under SCHED_FIFO where it may, as a robot's gateway would.
+    The subscriber is a process of its own, under SCHED_FIFO where it may, as a robot's gateway would be.
     segmenter_load: keep the segmenter busy with one frame after the other all the time. on_step is called about 50
     times a second (fault injection). Raises MotionDLOError when it does not end within ``time_limit_s``.
     """
@@ -107,22 +107,15 @@ def play(
     run = LiveRun()
     deadline_s = time.monotonic() + time_limit_s
     client = section.of_client(cell.cell.name)
-    with open_bus(client, "live-run") as bus, ExitStack() as stack:
-        states = bus.subscriber(STATE, queue=100_000)
+    with StateWatch(config) as watch, open_bus(client, "live-run-health") as bus:
         health = bus.subscriber(HEALTH)
         load = _SegmenterLoad(bus) if segmenter_load else None
-        stack.enter_context(use_subscriber_scheduling())
         cpu = _CpuMeter()
-        end_s, next_s, seen = float("inf"), 0.0, -1
+        end_s, seen = float("inf"), -1
         try:
             while (now_s := time.monotonic()) < min(end_s, deadline_s):
-                bus.wait(_WAIT_S, states, health)
-                for state in states.drain():
-                    _note(run, state)
-                if now_s < next_s:
-                    continue
-                # The rest only now and then: receiving must not wait for it.
-                next_s = now_s + _WAIT_S
+                for one in watch.take(_WAIT_S):
+                    _note(run, one)
                 run.events += supervisor.step(now_s)
                 if on_step is not None:
                     on_step(supervisor, run)
@@ -137,7 +130,6 @@ def play(
             run.events += [f"{name} had to be killed" for name in supervisor.stop()]
             if load is not None:
                 load.close()
-            run.lost_states = states.status().lost
     run.restarts = {name: child.restarts for name, child in supervisor.children.items()}
     if end_s == float("inf"):
         raise MotionDLOError(
@@ -146,11 +138,12 @@ def play(
     return run
 
 
-def _note(run: LiveRun, state: StateMessage) -> None:
-    now_ns = time.monotonic_ns()
+def _note(run: LiveRun, seen: Seen) -> None:
+    state = seen.state
     if state.t_ingest_ns and (not run.states or run.states[-1].t_ingest_ns != state.t_ingest_ns):
-        run.latency_ns.append(now_ns - state.t_ingest_ns)
+        run.latency_ns.append(seen.arrived_ns - state.t_ingest_ns)
     run.states.append(state)
+    run.lost_states = seen.lost
 
 
 class _CpuMeter:

@@ -21,6 +21,7 @@ from motiondlo.events.cutter import BatchCutter
 from motiondlo.events.reader import make_decoder
 from motiondlo.events.stream_decoder import StreamDecoder
 from motiondlo.events.types import EventBatch
+from motiondlo.heap import EVENTS_STOCK_BYTES, keep_memory
 from motiondlo.messages import wire
 from motiondlo.messages.header import Stamp
 from motiondlo.messages.track import TrackMessage
@@ -86,6 +87,7 @@ def measure(recording: Recording, options: TrackOptions, progress: Progress = no
     """Time every update of a recording. Raises as :func:`motiondlo.offline.run_track.prepare`."""
     options = replace(options, timed=True)
     prepare(recording, options)  # wrong options fail before the warm-up
+    keep_memory(EVENTS_STOCK_BYTES)  # as the daemons do
     _pass(recording, options, WARM_UP_UPDATES, lambda share: progress(0.5 * share))
     with frozen_garbage_collector():
         return _pass(recording, options, None, lambda share: progress(0.5 + 0.5 * share))

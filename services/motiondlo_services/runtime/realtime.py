@@ -46,24 +46,26 @@ def use_scheduling(process: Process) -> str:
     return f"other {process.nice}"
 
 
-def load_quietly() -> None:
-    """The normal class until the daemon is ready: loading takes a second of computing, and must not stop the others.
+def use_normal_scheduling() -> None:
+    """The normal class for all threads: loading and closing take up to a second, and must not stop the others.
 
     A service manager starts daemons under their final class already, and one that only stands by loads beside those
     that work.
     """
     with suppress(OSError):
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        _schedule_all_threads(os.SCHED_OTHER, 0)
 
 
 @contextmanager
-def use_subscriber_scheduling() -> Iterator[None]:
+def use_subscriber_scheduling(starts_processes: bool = True) -> Iterator[None]:
     """Receive as a robot's gateway would: all threads under SCHED_FIFO, where permitted, below the event path.
 
-    To be entered once the bus is open; processes that are started in it do not inherit it.
+    To be entered once the bus is open. starts_processes: what is started in it does not inherit it; nor then do the
+    threads that the bus starts for its links.
     """
+    policy = os.SCHED_FIFO | (os.SCHED_RESET_ON_FORK if starts_processes else 0)
     with suppress(OSError):
-        _schedule_all_threads(os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, _SUBSCRIBER_PRIORITY)
+        _schedule_all_threads(policy, _SUBSCRIBER_PRIORITY)
     try:
         yield
     finally:
@@ -97,6 +99,16 @@ def use_processors(process: Process) -> str:
     except OSError:
         return "any (affinity not permitted)"
     return ",".join(map(str, sorted(own if process.own_processor else shared)))
+
+
+def use_shared_processors() -> None:
+    """Stay off the processor that the row with ``own_processor`` computes on, as programs beside a cell should."""
+    allowed = sorted(os.sched_getaffinity(0))
+    if len(allowed) < 2:
+        return
+    for thread_id in os.listdir("/proc/self/task"):
+        with suppress(OSError):
+            os.sched_setaffinity(int(thread_id), set(allowed[:-1]))
 
 
 def lock_memory() -> bool:

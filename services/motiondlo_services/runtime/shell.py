@@ -25,16 +25,17 @@ from motiondlo.bus.session import Bus, open_bus
 from motiondlo.config.cell import Cell, load_cell
 from motiondlo.config.loader import load_section
 from motiondlo.errors import MotionDLOError
+from motiondlo.heap import EVENTS_STOCK_BYTES, keep_memory
 from motiondlo.messages.health import HealthMessage
-from motiondlo.topics import HEALTH
+from motiondlo.topics import EVENTS_BATCH, HEALTH
 from motiondlo_services.processes import Process, process
 from motiondlo_services.runtime.bus_section import BusSection
 from motiondlo_services.runtime.latency import LatencyWindow
 from motiondlo_services.runtime.notify import Notifier
 from motiondlo_services.runtime.realtime import (
-    load_quietly,
     lock_memory,
     settle_garbage_collector,
+    use_normal_scheduling,
     use_processors,
     use_scheduling,
 )
@@ -86,6 +87,8 @@ class Shell:
         """The core is warm and the inputs are subscribed to: become real-time, tell the manager and the others."""
         settle_garbage_collector()
         if self.cell.cell.realtime:
+            if EVENTS_BATCH.name in (*self.row.reads, *self.row.writes):
+                keep_memory(EVENTS_STOCK_BYTES)
             locked = lock_memory()
             self.scheduling = f"{use_scheduling(self.row)}, processor {use_processors(self.row)}"
             self.counts["memory_locked"] = int(locked)
@@ -206,7 +209,7 @@ def run_daemon(
     args = parser.parse_args()
     if args.supervised:
         die_with_parent()
-    load_quietly()
+    use_normal_scheduling()
     try:
         shell = Shell(row, args.config)
         section = load_section(args.config, "bus", BusSection)
@@ -223,7 +226,10 @@ def run_daemon(
                 return 0
             with open_bus(config, name) as bus:
                 shell.use_bus(bus)
-                body(shell, bus)
+                try:
+                    body(shell, bus)
+                finally:
+                    use_normal_scheduling()
     except MotionDLOError as error:
         if args.debug:
             raise

@@ -16,8 +16,8 @@ from motiondlo.tracking.inextensible.rival_kernels import intensity_of, rows_aro
 END_NEAR = 48
 """Stations of other DLOs that are considered for one end."""
 
-LEAST_TIP_GAIN = 0.15
-"""Of log-likelihood, per event."""
+LEAST_TIP_GAIN, SURE_TIP_GAIN = 0.15, 12.0
+"""Of log-likelihood, per event and in all."""
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
@@ -301,7 +301,7 @@ def match_tip(histogram, levels, reach, out):  # type: ignore[no-untyped-def]
     out[0] = best_shift
     out[1] = 0.0
     k = best_shift + reach
-    if k < 2 or k > 2 * reach - 2 or best + total * np.log(n) < LEAST_TIP_GAIN * total:
+    if k < 2 or k > 2 * reach - 2 or best + total * np.log(n) < max(LEAST_TIP_GAIN * total, SURE_TIP_GAIN):
         return
     score = scores[best_profile]
     # Near its top only: further off the likelihood is no parabola.

@@ -27,6 +27,8 @@ from motiondlo.tracking.inextensible.rivals import no_rivals
 _PATCH_CAPACITY = 8000
 _SURE_LOOKS = 6
 """Of a patch, from which on it is matched with what was learned."""
+_PATCH_FAR = 3
+"""How many times further a patch is searched that is not found near by."""
 _TIP_REACH_PX = 40
 _TIP_EDGE_PX = 0.5
 """Where the events of the silhouettes end, beyond a tip."""
@@ -35,14 +37,14 @@ _TIP_FLOOR = 0.03
 _TIP_FACES = (0.0, 1.0, 3.0, 8.0, 20.0)
 """Events of a tip's own face, over those of a pixel of its silhouettes: many when it moves along itself."""
 _TIP_SEARCH_PX = 14
-_TIP_SEARCH_NEW_PX = 34
+_TIP_SEARCH_FAR_PX = 34
 CONCENTRATED = 3.0
 """How much denser the events of an end are where they are than on the mean over all its surroundings."""
 
 
 def tip_levels() -> FloatArray:
     """(P, n) expected events along the tangent over a tip, a pixel a column, the tip in the middle."""
-    reach = _TIP_REACH_PX + _TIP_SEARCH_NEW_PX
+    reach = _TIP_REACH_PX + _TIP_SEARCH_FAR_PX
     at = np.arange(-reach, reach + 1, dtype=np.float64)
     sides = 1.0 / (1.0 + np.exp((at - _TIP_EDGE_PX) / (0.55 * _TIP_WIDTH_PX)))
     face = np.exp(-0.5 * (at / _TIP_WIDTH_PX) ** 2)
@@ -102,6 +104,7 @@ class EndTracker:
         self._window_ms = 1.0
         self._used_ms = p.window_max_ms
         self._tip_moves = False
+        self._tip_missed = False
         self.rivals = no_rivals()
         self.block = 0
 
@@ -174,13 +177,16 @@ class EndTracker:
             )  # fmt: skip
             self.learned += 1
 
-    def _align(self, count: int) -> None:
-        """Move the events of the patch to where its template is matched: a slip of the state is not to be learned."""
+    def _match_patch(self, count: int, reach_px: int) -> None:
         p = self.params
         match_patch(
-            self.log_template, self._a, self._b, count, -p.patch_inward_px, p.patch_half_width_px, p.patch_reach_px,
+            self.log_template, self._a, self._b, count, -p.patch_inward_px, p.patch_half_width_px, reach_px,
             p.patch_events_used, self._match,
         )  # fmt: skip
+
+    def _align(self, count: int) -> None:
+        """Move the events of the patch to where its template is matched: a slip of the state is not to be learned."""
+        self._match_patch(count, self.params.patch_reach_px)
         out, across, turn = (float(value) for value in self._match[:3])
         c, s = math.cos(turn), math.sin(turn)
         a, b = self._a[:count], self._b[:count]
@@ -261,13 +267,13 @@ class EndTracker:
         self.quiet_ms = 0.0
         if self.learned < 2:
             return
-        match_patch(
-            self.log_template, self._a, self._b, count, -p.patch_inward_px, p.patch_half_width_px,
-            p.patch_reach_px, p.patch_events_used, self._match,
-        )  # fmt: skip
+        self._match_patch(count, p.patch_reach_px)
+        if math.hypot(self._match[0], self._match[1]) >= p.patch_reach_px:
+            # It set off faster than was predicted.
+            self._match_patch(count, _PATCH_FAR * p.patch_reach_px)
         used = min(count, p.patch_events_used)
         self.shift_px = math.hypot(self._match[0], self._match[1])
-        if self.shift_px >= p.patch_reach_px or self._match[3] < 0.1:
+        if self.shift_px >= _PATCH_FAR * p.patch_reach_px or self._match[3] < 0.1:
             return
         reuse = math.sqrt(max(1.0, self._window_ms / dt_ms))
         lag = -age * p.age_share
@@ -320,10 +326,11 @@ class EndTracker:
         self.tip_rate = count / self._window_ms
         if count < p.tip_events_min:
             return
-        # A tip that was just found lies anywhere between two stations.
-        reach = _TIP_SEARCH_PX if self.tip_seen >= 5 or not self.found else _TIP_SEARCH_NEW_PX
-        match_tip(self._histogram, self._tip_levels, reach, self._tip)
-        if self._tip[1] <= 0.0:
+        # A tip that was just found lies anywhere between two stations, one that was missed has gone further.
+        far = self.found if self.tip_seen < 5 else self._tip_missed
+        match_tip(self._histogram, self._tip_levels, _TIP_SEARCH_FAR_PX if far else _TIP_SEARCH_PX, self._tip)
+        self._tip_missed = self._tip[1] <= 0.0
+        if self._tip_missed:
             return
         self.tip_shift_px = float(self._tip[0])
         self.tip_seen += 1

@@ -237,12 +237,12 @@ def observe_stations(  # type: ignore[no-untyped-def]
         age_sum = 0.0
         for k in range(n):
             inside = age_buf[k] <= w
-            share = share_buf[k] if inside else np.float32(0.0)
+            share = float(share_buf[k]) if inside else 0.0
             d_buf[used] = d_buf[k]
             sign_buf[used] = sign_buf[k]
             share_buf[used] = share_buf[k]
-            weight += float(share)
-            age_sum += share * age_buf[k]
+            weight += share
+            age_sum += share * float(age_buf[k])
             used += inside
         unsure = BACKGROUND_SIGMAS * np.sqrt(per_ms * w)
         if unsure > n_target:
