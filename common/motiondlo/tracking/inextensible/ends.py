@@ -42,7 +42,7 @@ _TIP_SEARCH_FAR_PX = 34
 
 
 def tip_tables() -> tuple[FloatArray, FloatArray]:
-    """Events expected along the tangent over a tip, a pixel a column, the tip in the middle, as match_tip takes them."""
+    """Events expected along the tangent over a tip, a pixel a column, the tip in the middle (see match_tip)."""
     reach = _TIP_REACH_PX + _TIP_SEARCH_FAR_PX
     at = np.arange(-reach, reach + 1, dtype=np.float64)
     sides = 1.0 / (1.0 + np.exp((at - _TIP_EDGE_PX) / (0.55 * _TIP_WIDTH_PX)))
@@ -330,8 +330,8 @@ class EndTracker:
         self.tip_shift_px = float(self._tip[0])
         self.tip_seen += 1
         # From rest a tip goes a few pixels at most between two looks; a sudden jump is something else that passes.
-        far = abs(self.tip_shift_px)
-        self._tip_moves = far > 1.0 and (far < 4.0 or self._tip_moves)
+        gone_px = abs(self.tip_shift_px)
+        self._tip_moves = gone_px > 1.0 and (gone_px < 4.0 or self._tip_moves)
         reuse = max(1.0, self._window_ms / dt_ms)
         sigma = math.sqrt((p.tip_sigma_px**2 + 4.0 * float(self._tip[1]) ** 2 + (p.sigma_age * age**2) ** 2) * reuse)
         axis = (float(pose.outward[0]), float(pose.outward[1]))
