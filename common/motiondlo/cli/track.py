@@ -19,6 +19,9 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--profile", choices=PROFILES, default="default", help="tracker: ours (default), or the paper's"
     )
     add_loop_arguments(parser)
+    parser.add_argument(
+        "--work-plane", type=Path, metavar="FILE", help="plane file: the tracks hold nodes_mm (T, M, 2) as well"
+    )
     debugging = parser.add_argument_group("debugging")
     debugging.add_argument(
         "--wrong-segmentation",
@@ -34,11 +37,17 @@ def run(args: Namespace) -> int:
     from motiondlo.cli.output import check_writable
     from motiondlo.cli.progress import progress_bar
     from motiondlo.cli.tables import console
+    from motiondlo.geometry.lens import load_lens
+    from motiondlo.geometry.work_plane import load_work_plane
     from motiondlo.offline.run_track import prepare, rows_of
     from motiondlo.offline.wrong_segmentation import WrongShape, with_wrong_shapes
     from motiondlo.recording.layout import open_recording
 
     check_writable(args.out)
+    work_plane = None
+    if args.work_plane is not None:
+        event_lens = None if args.event_lens is None else load_lens(args.event_lens)
+        work_plane = load_work_plane(args.work_plane, event_lens)
     recording = open_recording(args.recording)
     changed = None
     if args.wrong_segmentation:
@@ -49,7 +58,7 @@ def run(args: Namespace) -> int:
     with progress_bar(f"tracking {recording.name}", args.quiet) as progress:
         tracks = rows_of(track_run.states(progress))
     elapsed_s = perf_counter() - began
-    tracks.save(args.out)
+    tracks.save(args.out, work_plane)
     if not args.quiet:
         console().print(
             f"{args.out}: {_counted(len(tracks), 'estimate')} of {_counted(len(tracks.known_ids()), 'DLO')} in "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace, _ArgumentGroup
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -36,6 +37,13 @@ def add_loop_arguments(parser: ArgumentParser | _ArgumentGroup) -> None:
         help="a segmentation arrives this long after it was asked for (default 1000); the first frame's is there at "
         "the start",
     )
+    for camera in ("rgb", "event"):
+        parser.add_argument(
+            f"--{camera}-lens",
+            type=Path,
+            metavar="FILE",
+            help=f"lens file of the {camera} camera; the homography then relates undistorted pixels",
+        )
     parser.add_argument(
         "--set",
         action="append",
@@ -56,6 +64,8 @@ def options_of(args: Namespace, profile: str) -> TrackOptions:
         mode=TrackMode(args.mode),
         update_us=args.update_us,
         segmenter_latency_ms=args.segmenter_latency_ms,
+        rgb_lens=args.rgb_lens,
+        event_lens=args.event_lens,
         tracker=overrides["tracker"],
         fusion=overrides["fusion"],
         frames=overrides["frames"],

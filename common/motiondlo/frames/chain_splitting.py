@@ -44,5 +44,5 @@ def split_at_kinks(chain: Chain, max_turn_rad: float) -> list[Chain]:
     for first, last in itertools.pairwise(bounds):
         part = (s >= first) & (s <= last)
         if int(part.sum()) >= 4:
-            pieces.append(Chain(chain.path[part], chain.radius[part]))
+            pieces.append(Chain(chain.path[part], chain.radius[part], chain.source))
     return pieces

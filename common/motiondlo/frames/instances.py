@@ -93,7 +93,7 @@ def join_segments(
             # Only where there is something to be joined: it is not for nothing.
             maybe = len(segments) > 1 and kind is EndKind.TIP and may_be_hidden(scene, view)
             colour = np.log(segment.palette.colour + 8.0)
-            ends.append(SegmentEnd(k, side, point, outward, segment.width, colour, kind, maybe, rigid))
+            ends.append(SegmentEnd(k, side, point, outward, segment.width, colour, kind, maybe, rigid, segment.source))
     connections = connect(ends, params.merge.max_gap * scene.size[0], params.merge, cover)
     links: dict[tuple[int, int], tuple[SegmentEnd, SegmentEnd]] = {}
     for c in connections:

@@ -13,7 +13,7 @@ from motiondlo.frames.types import EndKind
 
 FloatArray = npt.NDArray[np.float64]
 
-_LOOKS_AWAY_RAD = 1.05
+_LOOKS_AWAY_RAD, _ONE_MASK_AWAY_RAD = 1.05, 1.4
 _TOUCH_PX = 6.0
 _UNLIKE_COST = 2.0
 """Of two connections the one of like looks is preferred."""
@@ -39,6 +39,8 @@ class SegmentEnd:
     """Something that is not sure to cover the DLO has an edge here."""
     rigid: bool = False
     """The segment may be a part of a gripper."""
+    source: int = -1
+    """Number of the single DLO's mask that the segment was found in, -1 for none."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,9 @@ def is_candidate(
     if gap > max_gap_px or width_ratio > params.max_width_ratio or colour_jump > params.max_colour_jump:
         return False
     open_gap = gap <= params.open_gap_w * width
-    hidden = all(kind in (EndKind.HELD, EndKind.HIDDEN) for kind in (a.kind, b.kind))
+    # A segmenter that gives both pieces as one DLO has its reason.
+    one_mask = a.source >= 0 and a.source == b.source
+    hidden = one_mask or all(kind in (EndKind.HELD, EndKind.HIDDEN) for kind in (a.kind, b.kind))
     if cover is not None and gap > width:
         hidden |= float(cover.at(_bridge(a, b)).mean()) >= params.min_cover
     alike = width_ratio <= params.alike_width_ratio and colour_jump <= params.alike_colour_jump
@@ -86,6 +90,8 @@ def is_candidate(
         return False
     touch = gap <= max(0.7 * width, _TOUCH_PX)
     if not (alignment >= params.min_alignment and (touch or ahead >= params.min_chord_alignment)):
+        if one_mask:
+            return not touch and bend_w(a, b, _ONE_MASK_AWAY_RAD) <= 2.0 * params.max_bend_w
         return hidden and alike and not touch and bend_w(a, b) <= params.max_bend_w
     if open_gap or hidden:
         return True
@@ -100,7 +106,7 @@ def colour_difference(a: SegmentEnd, b: SegmentEnd) -> float:
     return float(np.abs(difference - brightness).mean()) + 0.5 * abs(brightness)
 
 
-def bend_w(a: SegmentEnd, b: SegmentEnd) -> float:
+def bend_w(a: SegmentEnd, b: SegmentEnd, looks_away_rad: float = _LOOKS_AWAY_RAD) -> float:
     """Width over the radius (root mean square) of the smoothest curve from one end to the other; inf if one looks away.
 
     With the angles alpha, beta of its end tangents to the chord, a cubic of length L bends with the mean square
@@ -109,7 +115,7 @@ def bend_w(a: SegmentEnd, b: SegmentEnd) -> float:
     chord = b.point - a.point
     gap = float(np.hypot(*chord))
     alpha, beta = _angle(chord, a.outward), _angle(chord, -b.outward)
-    if max(abs(alpha), abs(beta)) > _LOOKS_AWAY_RAD:
+    if max(abs(alpha), abs(beta)) > looks_away_rad:
         return float("inf")
     mean_width = 0.5 * (a.width + b.width)
     return float(2.0 * mean_width / max(gap, 1e-9) * np.sqrt(max(alpha**2 + alpha * beta + beta**2, 0.0)))
@@ -167,7 +173,9 @@ def _rank(a: SegmentEnd, b: SegmentEnd, max_gap_px: float) -> float:
     worse = min(float(a.outward @ chord), -float(b.outward @ chord)) / max(gap, 1e-9)
     bent = worse * (1.0 - float(np.sqrt(min(gap / max_gap_px, 1.0))))
     unlike = colour_difference(a, b) + abs(float(np.log(max(a.width, 1e-6) / max(b.width, 1e-6))))
-    return max(connection_score(a, b, max_gap_px), bent) * float(np.exp(-_UNLIKE_COST * unlike))
+    score = max(connection_score(a, b, max_gap_px), bent) * float(np.exp(-_UNLIKE_COST * unlike))
+    # Pieces of one mask come first.
+    return score + 1.0 if score > 0.0 and a.source >= 0 and a.source == b.source else score
 
 
 def bezier_bridge(

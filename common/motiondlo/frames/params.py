@@ -104,6 +104,9 @@ class CleaningParams(_Params):
 class GraphParams(_Params):
     """Skeleton graph, spurs and crossings."""
 
+    single_masks: bool = Field(
+        default=True, description="masks of single DLOs (sam3, onnx, replay) are thinned one by one; off: union (paper)"
+    )
     spur_radii: float = Field(default=1.6, ge=0.0, le=10.0, description="shorter free branches are spurs, local radii")
     bridge_length_w: float = Field(default=9.0, ge=0.0, le=50.0, description="longest stretch that two DLOs share")
     bridge_widening: float = Field(

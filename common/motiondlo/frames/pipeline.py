@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter_ns
 
 import numpy as np
@@ -18,6 +18,7 @@ from motiondlo.frames.colour import Image
 from motiondlo.frames.covers import Cover, cover_of
 from motiondlo.frames.edges import FAINT, USUAL, WIRE, WidthSearch
 from motiondlo.frames.faint import faint_mask, is_body
+from motiondlo.frames.instance_masks import single_masks
 from motiondlo.frames.instances import Dlo, classify_ends, is_block, join_segments, make_instance, score_dlo
 from motiondlo.frames.mask_cleaning import adaptive_closing, clean_mask, remove_small
 from motiondlo.frames.masks import Mask, MaskSet, fit_mask, union
@@ -114,9 +115,19 @@ def segment_frame(
     wide = None if masks.obstacles is None else Cover(fit_mask(masks.obstacles, shape), board.scale)
     scene = Scene(image_bgr, background, board, wide)
     mask = refined_mask(masks, board, params)
+    single = single_masks(masks, shape, params.cleaning) if params.graph.single_masks else []
     times.lap("clean")
-    chains = mask_to_chains(mask, masks.obstacles, board, params, times)
+    chains = [
+        replace(chain, source=k if single else -1)
+        for k, part in enumerate(single or [mask])
+        for chain in mask_to_chains(part, masks.obstacles, board, params, times)
+    ]
     segments, smeared = measure_chains(scene, chains, mask, params)
+    if not isinstance(backend, ClassicalBackend):
+        # A model's word that it is a DLO is enough for wires, too.
+        narrow = [chain for chain in chains if chain.width < params.foreground.min_width * mask.shape[1]]
+        wires = measure_chains(scene, narrow, mask, for_wires(params), None, WIRE)[0]
+        segments = without_repeats(segments + wires)
     times.lap("refine")
     if params.faint.enabled and isinstance(backend, ClassicalBackend):
         segments += find_faint(scene, segments, masks.obstacles, params)
@@ -214,12 +225,16 @@ def find_thin(scene: Scene, found: list[Segment], obstacles: Mask | None, params
     chains = mask_to_chains(mask, obstacles, board, params, StageTimes())
     strips = [chain for chain in chains if is_strip(board, chain)]
     chains = sorted(strips, key=lambda chain: -chain.length)[: params.thin.max_strips]
-    narrow = params.foreground.model_copy(
-        update={"min_width": params.thin.min_width, "max_width": 1.1 * params.foreground.min_width}
-    )
-    measuring = params.model_copy(update={"foreground": narrow})
     limit = beside_limit(board, params.thin)
-    return measure_chains(scene, chains, mask, measuring, lambda s, c: is_wire(s, c, params.thin, limit), WIRE)[0]
+    return measure_chains(scene, chains, mask, for_wires(params), lambda s, c: is_wire(s, c, params.thin, limit), WIRE)[
+        0
+    ]
+
+
+def for_wires(params: FrameParams) -> FrameParams:
+    """The same for DLOs below the usual narrowest one."""
+    narrow = {"min_width": params.thin.min_width, "max_width": 1.1 * params.foreground.min_width}
+    return params.model_copy(update={"foreground": params.foreground.model_copy(update=narrow)})
 
 
 def assemble_dlos(scene: Scene, segments: list[Segment], mask: Mask, params: FrameParams) -> list[tuple[float, Dlo]]:

@@ -49,6 +49,8 @@ class Segment:
     edge_blur: float
     palette: Palette
     ends: tuple[FollowedEnd, FollowedEnd]
+    source: int = -1
+    """Number of the single DLO's mask that it was found in; -1 where masks do not tell DLOs apart."""
 
     @property
     def length(self) -> float:
@@ -93,7 +95,7 @@ def measure_segment(
         refined = strongest if strongest.edge_support > refined.edge_support else refined
     if screen is not None and not screen(scene, refined):
         return None
-    return follow_both_ends(scene, refined)
+    return replace(follow_both_ends(scene, refined), source=chain.source)
 
 
 def follow_both_ends(scene: Scene, refined: RefinedCurve) -> Segment:

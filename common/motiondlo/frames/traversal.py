@@ -26,6 +26,8 @@ class Chain:
     """(K, 2) (x, y) working px."""
     radius: FloatArray
     """(K,) distance to the mask's edge, working px; NaN where the path bridges a crossing or a gap."""
+    source: int = -1
+    """Number of the single DLO's mask that it comes from; -1 where masks do not tell DLOs apart."""
 
     @property
     def length(self) -> float:

@@ -10,6 +10,8 @@ from motiondlo.frames.backend import create_backend
 from motiondlo.frames.params import FrameParams
 from motiondlo.frames.pipeline import segment_frame
 from motiondlo.frames.types import Segmentation
+from motiondlo.geometry.camera_map import CameraMap
+from motiondlo.geometry.lens import LensModel
 from motiondlo.recording.layout import FrameEntry, Recording, read_image
 from motiondlo.rejects import RejectReason
 
@@ -17,9 +19,17 @@ from motiondlo.rejects import RejectReason
 class FrameSegmenter:
     """The frame branch over one recording: homography, empty board and backend are read once, before the start."""
 
-    def __init__(self, recording: Recording, overrides: Mapping[str, Any]) -> None:
+    def __init__(
+        self,
+        recording: Recording,
+        overrides: Mapping[str, Any],
+        rgb_lens: LensModel | None = None,
+        event_lens: LensModel | None = None,
+    ) -> None:
         """Raises CalibrationError for an unusable homography, ConfigError for a wrong parameter."""
-        self._event_from_rgb = recording.event_from_rgb()
+        matrix = recording.event_from_rgb()
+        no_lens = rgb_lens is None and event_lens is None
+        self._event_from_rgb = matrix if no_lens else CameraMap(matrix, rgb_lens, event_lens)
         self._background = recording.background()
         self._params = validated(FrameParams, overrides, "frames")
         self._backend = create_backend(self._params)

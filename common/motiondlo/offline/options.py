@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from pathlib import Path
 from typing import Any
 
 from motiondlo.config.validation import parse_assignment
@@ -33,6 +34,10 @@ class TrackOptions:
     """Batch period: one estimate of every DLO per batch."""
     segmenter_latency_ms: float = 1000.0
     """How long after its request a segmentation is used, event time."""
+    rgb_lens: Path | None = None
+    """Lens file of the RGB camera; the homography then relates undistorted pixels."""
+    event_lens: Path | None = None
+    """The same of the event camera."""
     timed: bool = False
     """The tracker tells the host's time per stage with every update."""
     tracker: Mapping[str, Any] = field(default_factory=dict)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from motiondlo.config.validation import validated
-from motiondlo.errors import RecordingError
+from motiondlo.errors import CalibrationError, RecordingError
 from motiondlo.events.reader import EventFile, open_events
 from motiondlo.events.types import SensorGeometry
 from motiondlo.fusion.core import FusionCore
 from motiondlo.fusion.params import FusionParams
 from motiondlo.fusion.state import FusedState
+from motiondlo.geometry.lens import LensModel, load_lens
 from motiondlo.offline.frame_hold import FrameHoldTracker
 from motiondlo.offline.frame_segmenter import FrameSegmenter
 from motiondlo.offline.hybrid_loop import FrameBranch, HybridLoop
@@ -84,7 +86,7 @@ def prepare(
     geometry = None if size is None else SensorGeometry(size.width, size.height)
     events = open_events(recording.events_path, geometry)
     fusion = FusionCore(validated(FusionParams, options.fusion, "fusion"))
-    branch = None if options.mode is TrackMode.EVENT else _frame_branch(recording, options)
+    branch = None if options.mode is TrackMode.EVENT else _frame_branch(recording, options, events.geometry)
     if branch is not None and changed is not None:
         branch = changed(branch)
     tracker: EventTracker = (
@@ -112,15 +114,34 @@ def rows_of(states: Iterator[FusedState]) -> Tracks:
     return builder.build()
 
 
-def _frame_branch(recording: Recording, options: TrackOptions) -> FrameBranch:
+def _frame_branch(recording: Recording, options: TrackOptions, sensor: SensorGeometry) -> FrameBranch:
     if not recording.frames:
         raise RecordingError(
             f"{recording.path}: has no frames with trigger times.", "Use --mode event, which needs none."
         )
-    segmenter = FrameSegmenter(recording, options.frames)
+    rgb, event = recording.camera_info.rgb, (sensor.width_px, sensor.height_px)
+    segmenter = FrameSegmenter(
+        recording,
+        options.frames,
+        _lens(options.rgb_lens, None if rgb is None else (rgb.width, rgb.height)),
+        _lens(options.event_lens, event),
+    )
     return FrameBranch(
         frames=recording.frames,
         segment=segmenter.segment,
         latency_us=round(options.segmenter_latency_ms * 1000),
         ask_always=options.mode is TrackMode.FRAME,
     )
+
+
+def _lens(path: Path | None, size_px: tuple[int, int] | None) -> LensModel | None:
+    """Read a lens file; one of another image size raises CalibrationError."""
+    if path is None:
+        return None
+    lens = load_lens(path)
+    if size_px is not None and lens.size_px != size_px:
+        raise CalibrationError(
+            f"{path}: calibrated for {lens.size_px[0]}x{lens.size_px[1]} px, the camera has {size_px[0]}x{size_px[1]}.",
+            "Calibrate the lens at the camera's own size.",
+        )
+    return lens

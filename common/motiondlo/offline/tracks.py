@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from motiondlo.errors import MotionDLOError
 from motiondlo.geometry.curve import resample
+from motiondlo.geometry.work_plane import WorkPlane
 from motiondlo.offline.archive import read_archive
 
 _SOURCE_DTYPE = np.dtype("U9")
@@ -61,8 +62,12 @@ class Tracks:
         """Ids that have at least one valid row, ascending."""
         return tuple(int(i) for i in np.unique(self.ids[self.valid]))
 
-    def save(self, path: Path) -> None:
-        """Write ``path`` (compressed ``.npz``). Raises TracksError when it cannot be written."""
+    def save(self, path: Path, work_plane: WorkPlane | None = None) -> None:
+        """Write ``path`` (compressed ``.npz``), with ``nodes_mm`` (T, M, 2) where the work plane is known.
+
+        Raises TracksError when it cannot be written.
+        """
+        more: dict[str, Any] = {} if work_plane is None else {"nodes_mm": self.nodes_mm(work_plane)}
         try:
             with path.open("wb") as file:
                 np.savez_compressed(
@@ -75,9 +80,15 @@ class Tracks:
                     source=self.source,
                     sigma_tangent_px=self.sigma_tangent_px,
                     confidence=self.confidence,
+                    **more,
                 )
         except OSError as error:
             raise TracksError(f"{path}: cannot be written ({error.strerror}).", "Choose another --out.") from error
+
+    def nodes_mm(self, work_plane: WorkPlane) -> npt.NDArray[np.float32]:
+        """(T, M, 2) float32 mm on the work plane."""
+        flat = work_plane.mm(self.nodes.reshape(-1, 2).astype(np.float64))
+        return np.asarray(flat.reshape(self.nodes.shape), dtype=np.float32)
 
 
 def make_tracks(

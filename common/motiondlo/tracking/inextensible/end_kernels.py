@@ -12,8 +12,8 @@ import numpy as np
 
 from motiondlo.events.bucket_kernels import COORDINATE_MASK, TIME_SHIFT, X_SHIFT, Y_MASK, Y_SHIFT, tiles_around
 
-LEAST_TIP_GAIN = 0.15
-"""Of log-likelihood, per event."""
+LEAST_TIP_GAIN, SURE_TIP_GAIN = 0.04, 12.0
+"""Of log-likelihood, per event and in all."""
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
@@ -251,35 +251,33 @@ def collect_tip(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def match_tip(histogram, levels, reach, out):  # type: ignore[no-untyped-def]
-    """Maximum-likelihood shift of a tip among several profiles; none where a uniform rate explains as much.
+def match_tip(histogram, logs, norms, reach, out):  # type: ignore[no-untyped-def]
+    """Maximum-likelihood shift of a tip among several profiles; none where a uniform rate explains nearly as much.
 
-    histogram: (n,); levels: (P, n + 2 R) expected rates of each profile, the tip in the middle, R >= reach.
-    out (2,): shift px, sigma px (0: none).
+    histogram: (n,) events; logs: (P, n + 2 R) logarithms of the rates expected of each profile, the tip in the middle,
+    norms: (P, 2 R + 1) logarithms of their sums over the histogram by shift, R >= reach. out (2,): shift px, sigma px
+    (0: none).
     """
     n = histogram.shape[0]
-    margin = (levels.shape[1] - n) // 2
+    margin = (logs.shape[1] - n) // 2
     total = 0.0
     for i in range(n):
         total += histogram[i]
     best, best_shift, best_profile = -1e18, 0, 0
-    scores = np.empty((levels.shape[0], 2 * reach + 1))
-    for k in range(levels.shape[0]):
-        logs = np.log(levels[k])
+    scores = np.empty((logs.shape[0], 2 * reach + 1))
+    for k in range(logs.shape[0]):
         for shift in range(-reach, reach + 1):
             value = 0.0
-            norm = 0.0
             for i in range(n):
-                norm += levels[k, i - shift + margin]
-                value += histogram[i] * logs[i - shift + margin]
-            value -= total * np.log(norm)
+                value += histogram[i] * logs[k, i - shift + margin]
+            value -= total * norms[k, shift + margin]
             scores[k, shift + reach] = value
             if value > best:
                 best, best_shift, best_profile = value, shift, k
     out[0] = best_shift
     out[1] = 0.0
     k = best_shift + reach
-    if k < 2 or k > 2 * reach - 2 or best + total * np.log(n) < LEAST_TIP_GAIN * total:
+    if k < 2 or k > 2 * reach - 2 or best + total * np.log(n) < max(LEAST_TIP_GAIN * total, SURE_TIP_GAIN):
         return
     score = scores[best_profile]
     # Near its top only: further off the likelihood is no parabola.
