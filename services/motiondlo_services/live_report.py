@@ -23,6 +23,9 @@ def live_figures(run: LiveRun) -> dict[str, Any]:
     return {
         "latency_ms": latency,
         "states": len(run.states),
+        "published_batches": run.published_batches,
+        "tracked_batches": run.tracked_batches,
+        "published_states": run.published_states,
         "dropped_batches": run.dropped_batches,
         "merged_batches": run.merged_batches,
         "lost_states": run.lost_states,
@@ -42,7 +45,9 @@ def print_live_figures(figures: dict[str, Any], title: str) -> None:
     latency = figures["latency_ms"]
     values = "none" if latency["p50"] is None else " / ".join(f"{latency[k]:.2f}" for k in ("p50", "p99", "max"))
     table.add_row("latency p50 / p99 / max, ms", values)
-    table.add_row("states", str(figures["states"]))
+    batches = f"{figures['published_batches']} / {figures['tracked_batches']}"
+    table.add_row("batches sent / tracked", batches)
+    table.add_row("states sent / seen", f"{figures['published_states']} / {figures['states']}")
     table.add_row("batches dropped / merged", f"{figures['dropped_batches']} / {figures['merged_batches']}")
     table.add_row("segmentations", str(figures["segmentations"]))
     for name, cores in figures["cpu"].items():

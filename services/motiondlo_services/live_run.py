@@ -51,16 +51,34 @@ class LiveRun:
     """What the supervisor said."""
 
     @property
+    def published_batches(self) -> int:
+        """Batches that the ingest has sent."""
+        return self._told("event-ingest", "batches")
+
+    @property
+    def tracked_batches(self) -> int:
+        """Batches that the tracker made an update of."""
+        return self._told("event-tracker", "updates")
+
+    @property
+    def published_states(self) -> int:
+        """States that fusion has sent."""
+        return self._told("fusion", "states")
+
+    @property
     def dropped_batches(self) -> int:
         """Batches that never reached the tracker: dropped by the ingest, or lost on the way."""
-        tracker = self.health.get("event-tracker")
-        return 0 if tracker is None else int(tracker.info.get("lost_batches", 0))
+        return self._told("event-tracker", "lost_batches")
 
     @property
     def merged_batches(self) -> int:
         """Batches that shared an update with others because the tracker was behind."""
-        tracker = self.health.get("event-tracker")
-        return 0 if tracker is None else int(tracker.info.get("merged_batches", 0))
+        return self._told("event-tracker", "merged_batches")
+
+    def _told(self, daemon: str, count: str) -> int:
+        """A count in the last health message of a daemon; of its newest process, where it was restarted."""
+        health = self.health.get(daemon)
+        return 0 if health is None else int(health.info.get(count, 0))
 
 
 def free_first_port() -> int:

@@ -21,7 +21,7 @@ from motiondlo_services.runtime.shell import Shell, run_daemon
 
 WAIT_S = 0.05
 GRACE_S = 0.2
-"""After the tracker has its first DLOs: time for the bus to connect the rest."""
+"""After the tracker has its first DLOs: time for the bus to connect the rest, and to get used to one another."""
 FIND_FUSION_S = 1.0
 """After a restart fusion is linked again within this time, if there is one."""
 WARM_UP_BATCHES = 20
@@ -45,6 +45,8 @@ def serve(shell: Shell, bus: Bus) -> None:
     start_us = _resume_us(bus, shell.cell.replay.speed)
     if start_us < 0:
         _wait_for_tracker(shell, bus, player, shell.cell.replay.wait_for_tracker_s)
+        player.introduce()
+        time.sleep(GRACE_S)
         start_us = 0
 
     # Loop.
@@ -80,7 +82,13 @@ class _Player:
             self._core.push_batches((batch,), time.monotonic_ns())
             if speed <= 0 or late_ns < LATE_NS:
                 self._sender.send()
-        self._sender.send()
+        # One that took over behind the end has nothing to say, and is not to cover what the first one said.
+        if start is not None:
+            self._sender.send(now=True)
+
+    def introduce(self) -> None:
+        """See :meth:`motiondlo_services.event_ingest.sending.Sender.introduce`."""
+        self._sender.introduce()
 
 
 def load_kernels(shell: Shell) -> None:
@@ -122,7 +130,6 @@ def _wait_for_tracker(shell: Shell, bus: Bus, player: _Player, limit_s: float) -
         shell.tick({"waiting_for": readiness.missing}, {})
     if not readiness.ready:
         shell.problems = (f"started without the first shapes: {readiness.missing}",)
-    time.sleep(GRACE_S)
 
 
 def main() -> int:

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Mapping
 
 from motiondlo.bus.session import Bus
+from motiondlo.events.types import EventBatch, empty_events
 from motiondlo.messages.events import ClockMessage, EventBatchMessage, TriggerMessage
 from motiondlo.topics import EVENTS_BATCH, EVENTS_CLOCK, EVENTS_TRIGGER
 from motiondlo_services.event_ingest.core import EventIngestCore
@@ -36,6 +37,15 @@ class Sender:
     def has_readers(self) -> bool:
         """Whether somebody takes the batches."""
         return self._batches.has_readers()
+
+    def introduce(self) -> None:
+        """Send a batch without events that is not to be used, so that no batch with events is late.
+
+        The tracker maps the pool of shared memory with the first message that it gets, for 10 ms and more.
+        """
+        geometry = self._shell.cell.geometry
+        batch = EventBatch(-1, 0, empty_events())
+        self._batches.put(EventBatchMessage.from_batch(batch, 0, geometry.width_px, geometry.height_px, valid=False))
 
     def send(self, now: bool = False) -> None:
         """Send all that waits; health when it is due, or ``now``."""

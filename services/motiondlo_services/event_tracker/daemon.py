@@ -84,7 +84,9 @@ def serve(shell: Shell, bus: Bus) -> None:
         # No more is decoded than one publication takes: what waits behind it may be dropped without any work, and
         # batches that take longer to read than to arrive must not keep this loop from tracking.
         while core.waiting < config.most_merged and (message := batches.recv()) is not None:
-            core.push(message.to_batch(lost_on_the_way=batches.lost_before), message.t_ingest_ns)
+            # The first one of an ingest says only that it is there.
+            if message.valid:
+                core.push(message.to_batch(lost_on_the_way=batches.lost_before), message.t_ingest_ns)
         step = core.step()
         if step is not None:
             tracks.put(TrackMessage.from_update(step.update, step.t_ingest_ns, valid=step.whole))

@@ -125,10 +125,14 @@ def test_an_independent_subscriber_reads_states_at_the_trackers_rate(make_cell: 
 
 def test_live_and_offline_give_the_same_trajectory(make_cell: MakeCell) -> None:
     # What overload drops is tested elsewhere; here nothing is to be dropped or thinned.
-    config = make_cell(event_tracker={"patience": 1000, "most_waiting": 10_000, "most_events": 1_000_000})
+    unbounded = {"patience": 1000, "most_waiting": 10_000, "most_events": 1_000_000}
+    config = make_cell(event_tracker=unbounded)
     run = play(config, time_limit_s=100.0)
     assert run.dropped_batches == 0, "the machine is too busy to compare anything"
     assert run.merged_batches == 0
+    assert run.published_batches > 280
+    assert run.tracked_batches == run.published_batches, "every batch that was sent"
+    assert len(run.states) == run.published_states == run.tracked_batches, "has come out as a state"
     live = tracks_of(run.states)
     offline = track_recording(open_recording(bundled_recording()), TrackOptions())
     assert live.known_ids() == offline.known_ids() == (0,)

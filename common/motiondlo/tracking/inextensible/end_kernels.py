@@ -16,7 +16,7 @@ from motiondlo.tracking.inextensible.rival_kernels import intensity_of, rows_aro
 END_NEAR = 48
 """Stations of other DLOs that are considered for one end."""
 
-LEAST_TIP_GAIN, SURE_TIP_GAIN = 0.15, 12.0
+LEAST_TIP_GAIN, SURE_TIP_GAIN = 0.04, 12.0
 """Of log-likelihood, per event and in all."""
 
 
@@ -273,28 +273,26 @@ def collect_tip(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def match_tip(histogram, levels, reach, out):  # type: ignore[no-untyped-def]
-    """Maximum-likelihood shift of a tip among several profiles; none where a uniform rate explains as much.
+def match_tip(histogram, logs, norms, reach, out):  # type: ignore[no-untyped-def]
+    """Maximum-likelihood shift of a tip among several profiles; none where a uniform rate explains nearly as much.
 
-    histogram: (n,); levels: (P, n + 2 R) expected rates of each profile, the tip in the middle, R >= reach.
-    out (2,): shift px, sigma px (0: none).
+    histogram: (n,) events; logs: (P, n + 2 R) logarithms of the rates expected of each profile, the tip in the middle,
+    norms: (P, 2 R + 1) logarithms of their sums over the histogram by shift, R >= reach. out (2,): shift px, sigma px
+    (0: none).
     """
     n = histogram.shape[0]
-    margin = (levels.shape[1] - n) // 2
+    margin = (logs.shape[1] - n) // 2
     total = 0.0
     for i in range(n):
         total += histogram[i]
     best, best_shift, best_profile = -1e18, 0, 0
-    scores = np.empty((levels.shape[0], 2 * reach + 1))
-    for k in range(levels.shape[0]):
-        logs = np.log(levels[k])
+    scores = np.empty((logs.shape[0], 2 * reach + 1))
+    for k in range(logs.shape[0]):
         for shift in range(-reach, reach + 1):
             value = 0.0
-            norm = 0.0
             for i in range(n):
-                norm += levels[k, i - shift + margin]
-                value += histogram[i] * logs[i - shift + margin]
-            value -= total * np.log(norm)
+                value += histogram[i] * logs[k, i - shift + margin]
+            value -= total * norms[k, shift + margin]
             scores[k, shift + reach] = value
             if value > best:
                 best, best_shift, best_profile = value, shift, k

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
+from numpy.lib.stride_tricks import sliding_window_view
 
 from motiondlo.events.buckets import EventBuckets
 from motiondlo.frames.types import EndKind, FloatArray
@@ -33,7 +34,8 @@ _TIP_REACH_PX = 40
 _TIP_EDGE_PX = 0.5
 """Where the events of the silhouettes end, beyond a tip."""
 _TIP_WIDTH_PX = 0.7
-_TIP_FLOOR = 0.03
+_TIP_FLOORS = (0.03, 0.2, 0.5)
+"""Events of other things beyond a tip, over those of a pixel of its silhouettes."""
 _TIP_FACES = (0.0, 1.0, 3.0, 8.0, 20.0)
 """Events of a tip's own face, over those of a pixel of its silhouettes: many when it moves along itself."""
 _TIP_SEARCH_PX = 14
@@ -42,13 +44,15 @@ CONCENTRATED = 3.0
 """How much denser the events of an end are where they are than on the mean over all its surroundings."""
 
 
-def tip_levels() -> FloatArray:
-    """(P, n) expected events along the tangent over a tip, a pixel a column, the tip in the middle."""
+def tip_tables() -> tuple[FloatArray, FloatArray]:
+    """Events expected along the tangent over a tip, a pixel a column, the tip in the middle (see match_tip)."""
     reach = _TIP_REACH_PX + _TIP_SEARCH_FAR_PX
     at = np.arange(-reach, reach + 1, dtype=np.float64)
     sides = 1.0 / (1.0 + np.exp((at - _TIP_EDGE_PX) / (0.55 * _TIP_WIDTH_PX)))
     face = np.exp(-0.5 * (at / _TIP_WIDTH_PX) ** 2)
-    return np.stack([sides + share * face + _TIP_FLOOR for share in _TIP_FACES])
+    levels = np.stack([sides + share * face + floor for share in _TIP_FACES for floor in _TIP_FLOORS])
+    sums = sliding_window_view(levels, 2 * _TIP_REACH_PX + 1, axis=1).sum(axis=2)[:, ::-1]
+    return np.log(levels), np.ascontiguousarray(np.log(sums))
 
 
 def own_events(count: int, beside: float) -> int:
@@ -92,7 +96,7 @@ class EndTracker:
         columns = int(2 * p.patch_half_width_px) + 1
         self.template = np.full((rows, columns), 1.0 / (rows * columns), np.float32)
         self.log_template = np.zeros((rows, columns), np.float32)
-        self._tip_levels = tip_levels()
+        self._tip_logs, self._tip_norms = tip_tables()
         self.extent = HeldExtent(False, p)
         self._histogram = np.zeros(2 * _TIP_REACH_PX + 1)
         self._a = np.empty(_PATCH_CAPACITY, np.float32)
@@ -328,15 +332,16 @@ class EndTracker:
             return
         # A tip that was just found lies anywhere between two stations, one that was missed has gone further.
         far = self.found if self.tip_seen < 5 else self._tip_missed
-        match_tip(self._histogram, self._tip_levels, _TIP_SEARCH_FAR_PX if far else _TIP_SEARCH_PX, self._tip)
+        reach_px = _TIP_SEARCH_FAR_PX if far else _TIP_SEARCH_PX
+        match_tip(self._histogram, self._tip_logs, self._tip_norms, reach_px, self._tip)
         self._tip_missed = self._tip[1] <= 0.0
         if self._tip_missed:
             return
         self.tip_shift_px = float(self._tip[0])
         self.tip_seen += 1
         # From rest a tip goes a few pixels at most between two looks; a sudden jump is something else that passes.
-        far = abs(self.tip_shift_px)
-        self._tip_moves = far > 1.0 and (far < 4.0 or self._tip_moves)
+        gone_px = abs(self.tip_shift_px)
+        self._tip_moves = gone_px > 1.0 and (gone_px < 4.0 or self._tip_moves)
         reuse = max(1.0, self._window_ms / dt_ms)
         sigma = math.sqrt((p.tip_sigma_px**2 + 4.0 * float(self._tip[1]) ** 2 + (p.sigma_age * age**2) ** 2) * reuse)
         axis = (float(pose.outward[0]), float(pose.outward[1]))

@@ -15,7 +15,7 @@ from motiondlo.tracking.inextensible.end_kernels import (
     match_tip,
     shortest_window,
 )
-from motiondlo.tracking.inextensible.ends import tip_levels
+from motiondlo.tracking.inextensible.ends import tip_tables
 from motiondlo.tracking.inextensible.rivals import no_rivals
 
 A_MIN, B_MAX = -20.0, 40.0
@@ -109,21 +109,30 @@ def tip_histogram(shift: int, sides: float, face: float) -> np.ndarray:
 def test_tip_is_found_whichever_way_it_moves(shift: int, sides: float, face: float) -> None:
     """Moving across, its silhouettes end there; moving along itself, its face makes most events."""
     out = np.zeros(2)
-    match_tip(tip_histogram(shift, sides, face), tip_levels(), 14, out)
+    match_tip(tip_histogram(shift, sides, face), *tip_tables(), 14, out)
     assert out[0] == pytest.approx(shift, abs=0.3)
     assert 0.0 < out[1] < 1.0
 
 
+def test_tip_is_found_where_something_else_moves_beyond_it() -> None:
+    rng = np.random.default_rng(3)
+    histogram = tip_histogram(4, 8.0, 0.0) + rng.poisson(3.0, 81)
+    out = np.zeros(2)
+    match_tip(histogram, *tip_tables(), 14, out)
+    assert out[0] == pytest.approx(4.0, abs=1.0)
+    assert out[1] > 0.0
+
+
 def test_tip_of_few_events_is_less_sure() -> None:
     many, few = np.zeros(2), np.zeros(2)
-    match_tip(tip_histogram(2, 6.0, 40.0), tip_levels(), 14, many)
-    match_tip(tip_histogram(2, 1.0, 6.0), tip_levels(), 14, few)
+    match_tip(tip_histogram(2, 6.0, 40.0), *tip_tables(), 14, many)
+    match_tip(tip_histogram(2, 1.0, 6.0), *tip_tables(), 14, few)
     assert few[1] > 1.5 * many[1]
 
 
 def test_no_step_in_reach_is_no_tip() -> None:
     out = np.zeros(2)
-    match_tip(np.full(81, 8.0), tip_levels(), 14, out)
+    match_tip(np.full(81, 8.0), *tip_tables(), 14, out)
     assert out[1] == 0.0
 
 
