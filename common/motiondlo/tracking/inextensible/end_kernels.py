@@ -37,26 +37,19 @@ def shortest_window(ages, target, window_min_ms, window_ms):  # type: ignore[no-
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def collect_patch(  # type: ignore[no-untyped-def]
     rings, heads, columns, t_us, ox, oy, ex, ey, vx, vy, omega, window_min_ms, window_ms, likely_ms, target,
-    latency_ms, a_min, a_max, b_max, keep_out_px, rivals, block, intensity, a_out, b_out, age_out,
+    latency_ms, a_min, a_max, b_max, keep_out_px, a_out, b_out, age_out,
 ):  # fmt: skip
     """Events of the patch, moved to now, in its frame. Returns (count, mean age in ms, window in ms).
 
     rings, heads, columns: the event buckets. The window is the shortest up to ``window_ms`` that holds ``target``
     events; ``likely_ms`` is a guess of it that saves looking further back.
     (ox, oy): origin; (ex, ey): outward direction; (vx, vy) px/ms and omega rad/ms: the patch's motion. Within
-    ``keep_out_px`` of the axis, events before the origin (a < 0) belong to the DLO and are left out; so are those that
-    other DLOs explain better than the patch does, which makes ``intensity`` events/px^2/ms (rivals, block: see
-    :func:`motiondlo.tracking.inextensible.observe_kernels.observe_stations`).
+    ``keep_out_px`` of the axis, events before the origin (a < 0) belong to the DLO and are left out.
     """
     capacity = a_out.shape[0]
     ages = np.zeros(64, np.int64)
-    near = np.empty(END_NEAR, np.int64)
     count = 0
     longest = min(window_ms, likely_ms)
-    n_near = rows_around(
-        rivals, block, ox + 0.5 * (a_min + a_max) * ex, oy + 0.5 * (a_min + a_max) * ey, vx, vy, window_ms,
-        0.5 * (a_max - a_min) + b_max, near,
-    )  # fmt: skip
     while True:
         oldest = longest + latency_ms
         slack = abs(omega) * (max(abs(a_min), abs(a_max)) + b_max) * oldest + 1.0
@@ -87,8 +80,6 @@ def collect_patch(  # type: ignore[no-untyped-def]
                     a = ex * dx + ey * dy
                     b = -ey * dx + ex * dy
                     if a < a_min or a >= a_max or abs(b) >= b_max or (a < 0.0 and abs(b) < keep_out_px):
-                        continue
-                    if n_near > 0 and intensity_of(rivals, near, n_near, word, latency_ms) > intensity:
                         continue
                     if count < capacity:
                         a_out[count] = a
@@ -230,7 +221,8 @@ def collect_tip(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Histogram of events along the outward tangent at a tip, moved to now. Returns (count, mean age in ms).
 
-    What other DLOs explain better than a tip of ``intensity`` events/px^2/ms is left out (see :func:`collect_patch`).
+    What other DLOs explain better than a tip of ``intensity`` events/px^2/ms is left out; rivals, block: see
+    :func:`motiondlo.tracking.inextensible.observe_kernels.observe_stations`.
     """
     near = np.empty(END_NEAR, np.int64)
     histogram[:] = 0.0

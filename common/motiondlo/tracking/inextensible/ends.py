@@ -41,7 +41,7 @@ _TIP_FACES = (0.0, 1.0, 3.0, 8.0, 20.0)
 _TIP_SEARCH_PX = 14
 _TIP_SEARCH_FAR_PX = 34
 CONCENTRATED = 3.0
-"""How much denser the events of an end are where they are than on the mean over all its surroundings."""
+"""How much denser the events of a tip are where they are than on the mean over all its surroundings."""
 
 
 def tip_tables() -> tuple[FloatArray, FloatArray]:
@@ -78,8 +78,6 @@ class EndTracker:
     learned: int = 0
     tip_seen: int = 0
     patch_events: int = 0
-    patch_rate: float = 0.0
-    """Events of the patch per ms, lately."""
     tip_rate: float = 0.0
     """Events of the tip per ms, lately."""
     background: float = -1.0
@@ -224,12 +222,10 @@ class EndTracker:
             pose.place[1] + ratio * lever_y, pose.outward[0], pose.outward[1], pose.velocity[0] * (1.0 + ratio),
             pose.velocity[1] * (1.0 + ratio), pose.omega, p.window_min_ms, self._window_ms,
             1.25 * self._used_ms + 0.25, target, p.latency_ms, -p.patch_inward_px, p.patch_length_px,
-            p.patch_half_width_px, 1.4 * self.radius_px, self.rivals, self.block,
-            CONCENTRATED * self.patch_rate / area_px2, self._a, self._b, self._age,
+            p.patch_half_width_px, 1.4 * self.radius_px, self._a, self._b, self._age,
         )  # fmt: skip
         self._window_ms = self._used_ms = float(window)
         self._own_events = own_events(int(count), beside_per_ms * self._window_ms)
-        self.patch_rate = self._own_events / self._window_ms
         return int(count), float(age)
 
     def _observe_patch(

@@ -80,7 +80,7 @@ def test_patch_is_collected_in_its_own_frame_and_without_the_dlo() -> None:
         buffers = [np.zeros(50, np.float32) for _ in range(3)]
         n, age, window = collect_patch(
             *buckets, 10_000, 100.0, 100.0, -1.0, 0.0, 2.0, 0.0, 0.0, 1.0, 4.0, likely_ms, 300, 0.0, A_MIN, 60.0, B_MAX,
-            12.0, no_rivals(), 0, 0.0, *buffers,
+            12.0, *buffers,
         )  # fmt: skip
         found = sorted(zip(buffers[0][:n].tolist(), buffers[1][:n].tolist(), strict=True))
         assert found == [pytest.approx((-16.0, -20.0)), pytest.approx((28.0, 0.0))]
@@ -167,7 +167,7 @@ def test_no_event_of_a_turned_and_moving_end_is_left_out(angle_rad: float) -> No
     buffers = [np.zeros(8000, np.float32) for _ in range(3)]
     n, *_ = collect_patch(
         *buckets, 10_000, ox, oy, ex, ey, vx, vy, omega, 1.0, 4.0, 4.0, 10**6, latency, A_MIN, 60.0, B_MAX, 12.0,
-        no_rivals(), 0, 0.0, *buffers,
+        *buffers,
     )  # fmt: skip
     assert n == within.sum()
     np.testing.assert_allclose(np.sort(buffers[0][:n]), np.sort(a[within]), atol=1e-4)

@@ -11,7 +11,7 @@ import pytest
 from motiondlo.events.bucket_kernels import TIME_SHIFT, X_SHIFT, Y_SHIFT
 from motiondlo.events.buckets import EventBuckets
 from motiondlo.events.types import EVENT_DTYPE, SensorGeometry
-from motiondlo.tracking.inextensible.end_kernels import collect_patch, collect_tip
+from motiondlo.tracking.inextensible.end_kernels import collect_tip
 from motiondlo.tracking.inextensible.params import InextensibleParams
 from motiondlo.tracking.inextensible.rival_kernels import (
     LEAST_RATE,
@@ -141,7 +141,7 @@ def test_only_what_lies_near_is_considered() -> None:
 
 
 @pytest.mark.parametrize("busy", [False, True])
-def test_an_end_leaves_out_what_a_rival_explains_better(busy: bool) -> None:
+def test_a_tip_leaves_out_what_a_rival_explains_better(busy: bool) -> None:
     rivals = one_rival(100.0, 2.0, 5.0)
     events = np.zeros(2, EVENT_DTYPE)
     events["t"], events["x"], events["y"], events["p"] = 9_000, (100, 104), (106, 118), 1
@@ -152,12 +152,6 @@ def test_an_end_leaves_out_what_a_rival_explains_better(busy: bool) -> None:
     histogram = np.zeros(81)
     n, _ = collect_tip(
         *event_source, 10_000, 95.0, 112.0, 1.0, 0.0, 0.0, 0.0, 4.0, 0.0, 12.0, rivals, 0, intensity, histogram
-    )  # fmt: skip
-    assert n == (2 if busy else 1)
-    a, b, age = (np.zeros(8, np.float32) for _ in range(3))
-    n, *_ = collect_patch(
-        *event_source, 10_000, 95.0, 112.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 4.0, 4.0, 100, 0.0, -20.0, 60.0, 40.0, 2.0,
-        rivals, 0, intensity, a, b, age,
     )  # fmt: skip
     assert n == (2 if busy else 1)
 
