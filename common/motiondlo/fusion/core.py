@@ -129,10 +129,16 @@ class FusionCore:
                 self._requests.want("boot", update.t_us)
         elif change.rested:
             self._requests.want("came_to_rest", update.t_us, change.rested)
+        elif self._mode.scene == Mode.STATIC and self._requests.idle and self._contested(update):
+            # It lies elsewhere than its shape: who is right is better known soon.
+            self._requests.want("contradicted", update.t_us, self._contested(update))
         elif self._mode.scene == Mode.STATIC and self._requests.idle:
             last = self._last_segmented_us
             if last is None or update.t_us - last >= self._params.refresh_static_s * 1e6:
                 self._requests.want("refresh", update.t_us, frozenset(track.id for track in update.tracks))
+
+    def _contested(self, update: TrackUpdate) -> frozenset[int]:
+        return frozenset(track.id for track in update.tracks if self._judge.contested(track.id))
 
     def _why_degraded(self, update: TrackUpdate) -> str:
         if 0 <= update.t_us - self._missed_us < _LOSS_SHOWS_US:
@@ -228,7 +234,7 @@ class FusionCore:
             curve, normal, ends, appearance = curve[::-1].copy(), normal[::-1].copy(), (ends[1], ends[0]), None
         if self._params.method == "blend":
             return self._blended(instance, curve, track, t_us, now_us)
-        verdict = self._judge.judge(curve, normal, match.distance_px, track)
+        verdict = self._judge.judge(curve, normal, match.distance_px, track, t_us)
         if verdict is Verdict.REFUSE:
             self.rejects.count(RejectReason.OUTVOTED)
             return None
