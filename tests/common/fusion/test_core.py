@@ -363,3 +363,30 @@ def test_a_request_that_was_sent_is_withdrawn_when_its_dlo_moves_again() -> None
     core.on_track(update(2_300_000, track(0, nodes, moving=True)))
     assert core.withdrawn() == (request.number,)
     assert core.withdrawn() == (), "said once"
+
+
+def test_a_reset_retires_all_and_begins_with_the_next_frame_under_new_ids() -> None:
+    core, nodes = booted()
+    core.on_track(update(2_000_000, track(0, nodes)))
+    (retired,) = core.reset()
+    assert (retired.id, retired.kind) == (0, CorrectionKind.RETIRE)
+    core.on_track(update(2_002_000, track(0, nodes)))  # it was on its way
+    core.on_track(update(2_004_000))
+    request = core.frame_request()
+    assert request is not None
+    assert request.after_us >= 2_000_000
+    (born,) = core.on_segmentation(Segmentation(2_001_000, "next", (instance(nodes),)), 2_100_000, request.number)
+    assert (born.id, born.kind) == (1, CorrectionKind.REINITIALISE)
+    assert core.corrections_due() == ()
+
+
+def test_paused_the_events_go_on_alone() -> None:
+    core, nodes = booted()
+    core.pause(True)
+    assert core.on_track(update(5_000_000, track(0, nodes))).mode == Mode.DEGRADED
+    assert "paused" in core.degraded_reason
+    assert core.frame_request() is None
+    assert core.on_segmentation(Segmentation(5_000_000, "x", (instance(line(201.0)),)), now_us=5_000_000) == ()
+    core.pause(False)
+    assert core.on_track(update(5_002_000, track(0, nodes))).mode == Mode.STATIC
+    assert core.frame_request() is not None
