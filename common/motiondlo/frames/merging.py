@@ -15,6 +15,7 @@ FloatArray = npt.NDArray[np.float64]
 
 _LOOKS_AWAY_RAD, _ONE_MASK_AWAY_RAD = 1.05, 1.4
 _TOUCH_PX = 6.0
+_WIDTH_ERROR_PX = 1.0
 _UNLIKE_COST = 2.0
 """Of two connections the one of like looks is preferred."""
 
@@ -72,7 +73,8 @@ def is_candidate(
     chord = b.point - a.point
     gap = float(np.hypot(*chord))
     width = 0.5 * (a.width + b.width)
-    width_ratio = max(a.width, b.width) / max(min(a.width, b.width), 1e-9)
+    # Of a wire one edge or the other may be its highlight's.
+    width_ratio = max(max(a.width, b.width) - _WIDTH_ERROR_PX, 1e-9) / max(min(a.width, b.width), 1e-9)
     colour_jump = colour_difference(a, b)
     if gap > max_gap_px or width_ratio > params.max_width_ratio or colour_jump > params.max_colour_jump:
         return False

@@ -31,6 +31,7 @@ _LEAST_REST_W = 2.0
 _NO_SUPPORT, _SURE_SUPPORT = 0.1, 0.75
 _SEARCH_WIDE_W = 2.5
 _WIDER = 1.22
+_LONG_STRIP, _OTHER_SHARES = 0.1, (0.6, 1.0)
 _REACH_W, _REACH = 10.0, 0.08
 """How far an end is followed: the larger of widths and shares of the image's width."""
 
@@ -94,8 +95,25 @@ def measure_segment(
         )
         refined = strongest if strongest.edge_support > refined.edge_support else refined
     if screen is not None and not screen(scene, refined):
-        return None
+        other = _another_width(scene, smooth, width, params, screen, search)
+        if other is None:
+            return None
+        refined = other
     return replace(follow_both_ends(scene, refined), source=chain.source)
+
+
+def _another_width(
+    scene: Scene, smooth: FloatArray, width: float, params: FitParams, screen: Screen, search: WidthSearch
+) -> RefinedCurve | None:
+    """A long strip between other pairs of edges: a wire's highlight, or its shadow, may have the stronger ones."""
+    if not params.refine or float(arc_length(smooth)[-1]) < _LONG_STRIP * scene.size[0]:
+        return None
+    for share in _OTHER_SHARES:
+        look = replace(search, outer_share=share)
+        refined = refine_centreline(scene, smooth, width, params.refine_rounds, params.smooth_length_w, look)
+        if screen(scene, refined):
+            return refined
+    return None
 
 
 def follow_both_ends(scene: Scene, refined: RefinedCurve) -> Segment:

@@ -42,6 +42,15 @@ def test_a_wire_on_a_board_with_lines_is_found_from_tip_to_tip(make_board, curve
     assert wire.width_rgb_px == pytest.approx(3.0, abs=1.0)
 
 
+def test_a_wire_whose_highlight_is_stronger_than_its_own_edges_is_found(make_board, curves):
+    board = make_board(GREY)
+    path = curves["wave"](80, 560, 240, 70)
+    centre = board.cable(path, 5.0, (0.12, 0.1, 0.08))
+    board.cable(path - (0.8, 0.8), 1.6, (2.0, 2.0, 2.0))
+    (wire,) = segment(board).instances
+    assert distance_to_curve(wire.nodes_rgb, centre).mean() < 1.2
+
+
 def test_two_wires_side_by_side_are_two(make_board, curves):
     board = make_board(GREY)
     first = board.cable(curves["line"](80, 150, 560, 200), 3.0, BLACK)
