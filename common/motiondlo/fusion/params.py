@@ -88,6 +88,9 @@ class FusionParams(BaseModel):
     homography_sigma_px: float = Field(
         default=1.0, ge=0.0, le=100.0, description="error of the homography, added to a frame shape's uncertainty"
     )
+    refine_homography: bool = Field(
+        default=False, description="learn a small correction of the homography from DLOs that moved (guarded)"
+    )
     tangent_sigma_px: float = Field(
         default=6.0, gt=0.0, le=1000.0, description="uncertainty of a frame shape along the curve where an end is seen"
     )
