@@ -27,6 +27,8 @@ ENOUGH = 3.0
 LEAST_EXPECTED = 8.0
 """So many events of a half must be expected before their absence says anything."""
 SILENT_SHARE = 0.25
+UNSHARED = 0.8
+"""A station that keeps less of its events lies against a rival."""
 BACKGROUND_SIGMAS = 2.0
 """What is counted above the background is so many standard deviations of it."""
 
@@ -297,7 +299,9 @@ def observe_stations(  # type: ignore[no-untyped-def]
         if bend >= -0.3:
             continue
         # A line that passes over a DLO at rest, a shadow's rim, looks like one of its edges: the other one is silent.
-        if unsure_way and is_one_sided(binned, at, profile[i]):
+        # What a rival has taken may have been that other one's: one that pushes from a side hides it.
+        whole = n_near == 0 or weight > UNSHARED * worth * used
+        if unsure_way and whole and is_one_sided(binned, at, profile[i]):
             continue
         fine = (chosen[at - 2] - chosen[at + 2]) / bend
         fine = min(max(fine, -1.0), 1.0)
