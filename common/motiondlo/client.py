@@ -158,6 +158,16 @@ class CellState:
         return self.at_host(time.monotonic_ns(), allow_stale)
 
 
+def entered_at(message: StateMessage, received_ns: int, same_host: bool, before: CellState | None) -> int:
+    """When the newest event used entered the system, by this host's clock; of arrival, if the cell's is another one.
+
+    A state that is sent again, because nothing comes from the event camera, is as old as it was.
+    """
+    if before is not None and before.message.t_ingest_ns == message.t_ingest_ns:
+        return before.entered_ns
+    return message.t_ingest_ns if same_host else received_ns
+
+
 class StateSubscriber:
     """The state of one cell. Use it in ``with``; one thread.
 
@@ -239,7 +249,7 @@ class StateSubscriber:
         received_ns = time.monotonic_ns()
         if self._clocks is not None:
             self._clock = self._clocks.newest() or self._clock
-        entered_ns = message.t_ingest_ns if self._config.same_host else received_ns
+        entered_ns = entered_at(message, received_ns, self._config.same_host, self._newest)
         self._newest = CellState(message, received_ns, entered_ns, self._stale_ms, self._clock)
         return self._newest
 

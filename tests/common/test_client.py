@@ -13,6 +13,7 @@ from motiondlo.client import (
     ACCELERATION_SIGMA_PX_S2,
     CellState,
     StateStale,
+    entered_at,
     extrapolate,
 )
 from motiondlo.messages.events import ClockMessage
@@ -66,3 +67,13 @@ def test_freshness_is_told_by_this_hosts_clock() -> None:
 def test_degraded_is_what_the_cell_says(mode: str) -> None:
     message = state().model_copy(update={"mode": mode})
     assert CellState(message, 0, 0, 50.0).degraded == (mode in ("BOOT", "DEGRADED"))
+
+
+@pytest.mark.parametrize("same_host", [True, False])
+def test_CAMERA_GONE_a_state_that_is_sent_again_is_as_old_as_it_was(same_host: bool) -> None:
+    first, other = state(), state().model_copy(update={"t_ingest_ns": state().t_ingest_ns + 1})
+    entered_ns = entered_at(first, 9_000, same_host, None)
+    assert entered_ns == (first.t_ingest_ns if same_host else 9_000)
+    before = CellState(first, 9_000, entered_ns, 50.0)
+    assert entered_at(first, 500_009_000, same_host, before) == entered_ns
+    assert entered_at(other, 500_009_000, same_host, before) == (other.t_ingest_ns if same_host else 500_009_000)

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from motiondlo.frames.types import Appearance, EndKind, Instance, Segmentation
+from motiondlo.fusion.alignment import FrameAlignment
 from motiondlo.fusion.association import Match, associate, curve_distance, same_direction
 from motiondlo.fusion.blending import blend_weight, blended
 from motiondlo.fusion.handover import Handover
@@ -64,8 +65,10 @@ class FusionCore:
         self._now_us = -1
         self._waited_us = 0
         self._newest: FusedState | None = None
+        self._paused = False
         self.degraded_reason = ""
         self.rejects = RejectCounter()
+        self.alignment = FrameAlignment() if params.refine_homography else None
 
     # -- track updates ------------------------------------------------------------------------------------------------
 
@@ -81,6 +84,8 @@ class FusionCore:
             if track.moving and track.confidence >= self._params.overrule_confidence:
                 self._judge.confirmed_by_events(track.id)
         self._history.add(update.t_us, update.tracks)
+        if self.alignment is not None:
+            self.alignment.saw(update.tracks)
         self._plan(update, change)
         mode = self._mode.scene
         self.degraded_reason = self._why_degraded(update)
@@ -129,16 +134,24 @@ class FusionCore:
                 self._requests.want("boot", update.t_us)
         elif change.rested:
             self._requests.want("came_to_rest", update.t_us, change.rested)
+        elif self._mode.scene == Mode.STATIC and self._requests.idle and self._contested(update):
+            # It lies elsewhere than its shape: who is right is better known soon.
+            self._requests.want("contradicted", update.t_us, self._contested(update))
         elif self._mode.scene == Mode.STATIC and self._requests.idle:
             last = self._last_segmented_us
             if last is None or update.t_us - last >= self._params.refresh_static_s * 1e6:
                 self._requests.want("refresh", update.t_us, frozenset(track.id for track in update.tracks))
+
+    def _contested(self, update: TrackUpdate) -> frozenset[int]:
+        return frozenset(track.id for track in update.tracks if self._judge.contested(track.id))
 
     def _why_degraded(self, update: TrackUpdate) -> str:
         if 0 <= update.t_us - self._missed_us < _LOSS_SHOWS_US:
             return "more events than this machine can follow: some are left out"
         if update.disturbed:
             return update.disturbed
+        if self._paused:
+            return "paused by command: shapes of frames are not used"
         if self._requests.failures_in_a_row >= self._params.degraded_after_failures:
             return f"segmentation failed {self._requests.failures_in_a_row} times in a row"
         weak = [track.id for track in update.tracks if track.confidence < self._params.degraded_confidence]
@@ -151,6 +164,8 @@ class FusionCore:
         since the start, says when to ask again; after it, event time does.
         """
         self._waited_us = waited_us
+        if self._paused:
+            return None
         if self._now_us < 0 and self._requests.idle and not self._known:
             self._requests.want("boot", -1)
         return self._requests.due(self._planning_us)
@@ -159,6 +174,25 @@ class FusionCore:
         """Whether the answer to ``request`` is still waited for: it was not cancelled, answered or given up."""
         sent = self._requests.under_way
         return sent is not None and sent.number == request.number
+
+    # -- commands -----------------------------------------------------------------------------------------------------
+
+    def reset(self) -> tuple[Correction, ...]:
+        """Forget all DLOs and begin with the next frame; their ids are not used again. Corrections for the tracker."""
+        self._due, self._newborn = [], []
+        self._handover, self._judge = Handover(), Judge(self._params)
+        retired = tuple(self._retire(dlo_id, max(self._now_us, 0)) for dlo_id in tuple(self._known))
+        self._requests.want("reset", self._now_us)
+        return retired
+
+    def pause(self, paused: bool) -> None:
+        """Take the frame branch out, or in again: no frame is asked for, no shape is used; events go on alone."""
+        self._paused = paused
+
+    @property
+    def paused(self) -> bool:
+        """Whether the frame branch is out."""
+        return self._paused
 
     def withdrawn(self) -> tuple[int, ...]:
         """Numbers of requests under way that nobody needs any more, because their DLOs moved again; drained."""
@@ -188,15 +222,16 @@ class FusionCore:
         """
         usable = [i for i in seg.instances if i.nodes_event is not None and len(i.nodes_event) >= 2]
         self._requests.arrived(not seg.failure and bool(usable), self._planning_us, number)
-        if seg.failure or not usable:
+        if seg.failure or not usable or self._paused:
             return ()
         self._last_segmented_us = max(seg.t_us, now_us)
-        curves = [np.asarray(i.nodes_event, dtype=np.float64) for i in usable]
+        given = [np.asarray(i.nodes_event, dtype=np.float64) for i in usable]
+        curves = given if self.alignment is None else [self.alignment.aligned(curve) for curve in given]
         tracks = self._history.at(seg.t_us)
         if tracks is None and self._known:
             self.rejects.count(RejectReason.TOO_OLD, n=len(usable))
             return ()  # older than what is remembered: nothing to compare it with
-        tracks = tracks or ()
+        tracks = tuple(track for track in tracks or () if track.id not in self._retired)
         corrections: list[Correction] = []
         first = not self._known
         looks = {dlo_id: known.appearance for dlo_id, known in self._known.items()}
@@ -205,6 +240,8 @@ class FusionCore:
         for k, (instance, curve) in enumerate(zip(usable, curves, strict=True)):
             match = matches.get(k)
             if match is not None:
+                if self.alignment is not None:
+                    self.alignment.learn(given[k], instance.sigma_px, tracks[match.track])
                 correction = self._matched(instance, curve, match, tracks[match.track], seg.t_us, now_us)
                 if correction is not None:
                     corrections.append(correction)
@@ -228,7 +265,7 @@ class FusionCore:
             curve, normal, ends, appearance = curve[::-1].copy(), normal[::-1].copy(), (ends[1], ends[0]), None
         if self._params.method == "blend":
             return self._blended(instance, curve, track, t_us, now_us)
-        verdict = self._judge.judge(curve, normal, match.distance_px, track)
+        verdict = self._judge.judge(curve, normal, match.distance_px, track, t_us)
         if verdict is Verdict.REFUSE:
             self.rejects.count(RejectReason.OUTVOTED)
             return None
@@ -290,15 +327,14 @@ class FusionCore:
                 continue
             known.missed += 1
             if known.missed >= self._params.death_confirmations and track.confidence < self._params.degraded_confidence:
-                del self._known[track.id]
-                self._retired.add(track.id)
-                none = np.zeros(0)
-                retired.append(
-                    self._correction(
-                        track.id, now_us, CorrectionKind.RETIRE, np.zeros((0, 2)), none, none, 0.0, _Known()
-                    )
-                )
+                retired.append(self._retire(track.id, now_us))
         return retired
+
+    def _retire(self, dlo_id: int, now_us: int) -> Correction:
+        del self._known[dlo_id]
+        self._retired.add(dlo_id)
+        none = np.zeros(0)
+        return self._correction(dlo_id, now_us, CorrectionKind.RETIRE, np.zeros((0, 2)), none, none, 0.0, _Known())
 
     def _tangent_sigma(self, ends: tuple[EndKind, EndKind], count: int) -> FloatArray:
         """(M,) px: a seen end fixes the curve along itself; without one it may slide by several diameters."""

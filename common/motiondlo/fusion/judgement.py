@@ -2,7 +2,8 @@
 
 The events have a say as long as they support the track. A shape that contradicts such a track is a mistake of the
 segmenter more often than one of the tracker; only several in a row that agree with one another, with no support from
-events in between, overrule it. One that contradicts a track of low confidence starts it anew at once.
+events in between, overrule it, and fewer where the track's own confidence is not high. One that contradicts a track
+that is as good as lost starts it anew at once. Shapes of nearly the same time see the same picture: they are one vote.
 """
 
 from __future__ import annotations
@@ -57,6 +58,8 @@ class _Dissent:
 
     curve: FloatArray | None = None
     count: int = 0
+    counted_us: int = 0
+    """Time of the frame that gave the last vote."""
 
 
 @dataclass
@@ -70,8 +73,10 @@ class Judge:
         """The DLO moves and its events support the track: earlier dissent was of another situation."""
         self._dissent.pop(dlo_id, None)
 
-    def judge(self, curve: FloatArray, sigma_px: FloatArray, distance_px: float, track: TrackState) -> Verdict:
-        """Judge a shape (M, 2) with its sigma (M,), matched to ``track`` at the time of its frame."""
+    def judge(
+        self, curve: FloatArray, sigma_px: FloatArray, distance_px: float, track: TrackState, t_us: int
+    ) -> Verdict:
+        """Judge a shape (M, 2) with its sigma (M,), matched to ``track`` at ``t_us``, the time of its frame."""
         p = self.params
         far = mahalanobis(curve, sigma_px, track)
         if distance_px <= p.reinitialise_min_px and far <= p.gate_sigma:
@@ -79,17 +84,25 @@ class Judge:
             return Verdict.ABSORB
         if distance_px <= p.reinitialise_min_px:
             return Verdict.REFUSE  # beside the track by more than both say, by less than a new start is worth
-        if track.confidence < p.overrule_confidence:
+        if track.confidence < p.degraded_confidence:
             self._dissent.pop(track.id, None)
             return Verdict.START_ANEW
         dissent = self._dissent.setdefault(track.id, _Dissent())
         agrees = dissent.curve is not None and curve_distance(curve, dissent.curve) <= p.reinitialise_min_px
-        dissent.count = dissent.count + 1 if agrees else 1
+        if not agrees:
+            dissent.count, dissent.counted_us = 1, t_us
+        elif t_us - dissent.counted_us >= p.vote_spacing_ms * 1000:
+            dissent.count, dissent.counted_us = dissent.count + 1, t_us
         dissent.curve = curve
-        if dissent.count < p.overrule_votes:
+        votes = p.overrule_votes if track.confidence >= p.overrule_confidence else (p.overrule_votes + 1) // 2
+        if dissent.count < votes:
             return Verdict.REFUSE
         del self._dissent[track.id]
         return Verdict.START_ANEW
+
+    def contested(self, dlo_id: int) -> bool:
+        """Whether shapes contradict this DLO's track, and more of them will decide."""
+        return dlo_id in self._dissent
 
     def credible_ends(
         self, ends: tuple[EndKind, EndKind], curve: FloatArray, track: TrackState

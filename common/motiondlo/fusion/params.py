@@ -58,13 +58,19 @@ class FusionParams(BaseModel):
         description="a shape farther than this (Mahalanobis distance across the curve) from its track is refused",
     )
     overrule_confidence: float = Field(
-        default=0.5, ge=0.0, le=1.0, description="a shape that contradicts a track below this starts it anew at once"
+        default=0.5,
+        ge=0.0,
+        le=1.0,
+        description="a track below this is overruled by half the votes; one below degraded_confidence at once",
     )
     overrule_votes: int = Field(
         default=4,
         ge=1,
         le=1000,
         description="shapes in a row that agree against a track that no events support meanwhile, to start it anew",
+    )
+    vote_spacing_ms: float = Field(
+        default=500.0, ge=0.0, le=60000.0, description="shapes of frames nearer in time than this are one vote"
     )
     length_tolerance: float = Field(
         default=0.05,
@@ -81,6 +87,9 @@ class FusionParams(BaseModel):
     )
     homography_sigma_px: float = Field(
         default=1.0, ge=0.0, le=100.0, description="error of the homography, added to a frame shape's uncertainty"
+    )
+    refine_homography: bool = Field(
+        default=False, description="learn a small correction of the homography from DLOs that moved (guarded)"
     )
     tangent_sigma_px: float = Field(
         default=6.0, gt=0.0, le=1000.0, description="uncertainty of a frame shape along the curve where an end is seen"

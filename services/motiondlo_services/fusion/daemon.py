@@ -14,6 +14,7 @@ from motiondlo.messages.track import TrackMessage
 from motiondlo.topics import CORRECTION, SEGMENTATION, STATE, TRACK
 from motiondlo.tracking.types import Correction
 from motiondlo_services.fusion.asking import FrameAsker
+from motiondlo_services.fusion.commands import VERBS, carry_out
 from motiondlo_services.fusion.config import FusionConfig
 from motiondlo_services.fusion.publication import Asked, SegmentationHold, Silence, state_message
 from motiondlo_services.runtime.shell import Shell, run_daemon
@@ -36,6 +37,7 @@ def serve(shell: Shell, bus: Bus) -> None:
     segmentations = bus.subscriber(SEGMENTATION)
     states = bus.publisher(STATE)
     corrections = bus.publisher(CORRECTION)
+    commands = bus.serve(VERBS)
     asker = FrameAsker(bus)
     asked: dict[str, Asked] = {}
     now_us, degraded, started_ns = -1, "", time.monotonic_ns()
@@ -52,7 +54,9 @@ def serve(shell: Shell, bus: Bus) -> None:
 
     # Loop.
     while shell.running:
-        bus.wait(WAIT_S, tracks, segmentations)
+        bus.wait(WAIT_S, tracks, segmentations, commands)
+        while (command := commands.take()) is not None:
+            _send(corrections, carry_out(command, core), shell)
         for track in tracks.drain():
             on_track(track)
             now_us, t_ingest_ns = track.t_us, track.t_ingest_ns
@@ -88,6 +92,9 @@ def serve(shell: Shell, bus: Bus) -> None:
             asker.ask(request, request_id)
             shell.counts["requests"] += 1
         shell.counts["cancelled_requests"] = core.cancelled
+        if core.alignment is not None:
+            shell.counts["homography_corrections"] = core.alignment.corrections
+            shell.counts["homography_corrections_reverted"] = core.alignment.reverted
         for reason, count in core.rejects.as_dict().items():
             shell.counts[f"refused_{reason}"] = count
         changed, degraded = degraded != core.degraded_reason, core.degraded_reason

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
+import pytest
 
 from motiondlo.frames.types import EndKind, Instance, Segmentation
 from motiondlo.fusion.core import FusionCore
@@ -118,19 +119,21 @@ def test_late_shape_meets_the_track_of_its_own_time_and_keeps_its_direction() ->
     assert correction.not_before_us > 1_995_000
 
 
-def test_shape_far_from_a_weak_track_starts_it_anew_and_identities_do_not_swap() -> None:
+def test_shape_far_from_a_lost_track_starts_it_anew_and_identities_do_not_swap() -> None:
     core = FusionCore(FusionParams())
     core.frame_request()
     core.on_segmentation(Segmentation(0, "first", (instance(line(100.0)), instance(line(200.0)))), now_us=-1)
-    core.on_track(update(1000, track(0, line(100.0), confidence=0.3), track(1, line(200.0))))
+    core.on_track(update(1000, track(0, line(100.0), confidence=0.1), track(1, line(200.0))))
     corrections = core.on_segmentation(
         Segmentation(1000, "second", (instance(line(200.5)), instance(line(130.0)))), now_us=5000
     )
     assert {(c.id, c.kind) for c in corrections} == {(1, CorrectionKind.BLEND), (0, CorrectionKind.REINITIALISE)}
 
 
-def contradict(core: FusionCore, y: float, t_us: int, nodes: FloatArray, moving: bool = False) -> list[CorrectionKind]:
-    core.on_track(update(t_us, track(0, nodes, moving=moving)))
+def contradict(
+    core: FusionCore, y: float, t_us: int, nodes: FloatArray, moving: bool = False, confidence: float = 0.9
+) -> list[CorrectionKind]:
+    core.on_track(update(t_us, track(0, nodes, moving, confidence)))
     seg = Segmentation(t_us, "far", (instance(line(y)),))
     return [c.kind for c in core.on_segmentation(seg, now_us=t_us)]
 
@@ -141,15 +144,25 @@ def test_a_confident_track_outvotes_a_shape_beside_it_and_the_refusal_is_counted
     assert core.rejects.as_dict() == {"outvoted": 1}
 
 
-def test_shapes_in_a_row_that_agree_overrule_a_track_at_rest() -> None:
-    core, nodes = booted(FusionParams(overrule_votes=3))
-    kinds = [contradict(core, 240.0 + k, 1_010_000 + 10_000 * k, nodes) for k in range(3)]
-    assert kinds == [[], [], [CorrectionKind.REINITIALISE]]
+@pytest.mark.parametrize(("confidence", "votes"), [(0.9, 4), (0.4, 2), (0.1, 1)])
+def test_shapes_in_a_row_that_agree_overrule_a_track_at_rest(confidence: float, votes: int) -> None:
+    core, nodes = booted()
+    kinds = [contradict(core, 240.0 + k, 1_010_000 + 500_000 * k, nodes, confidence=confidence) for k in range(votes)]
+    assert kinds == [*([[]] * (votes - 1)), [CorrectionKind.REINITIALISE]]
+
+
+def test_shapes_of_the_same_moment_are_one_vote_and_another_frame_is_asked_for() -> None:
+    core, nodes = booted()
+    assert not any(contradict(core, 240.0, 1_010_000 + 10_000 * k, nodes, confidence=0.4) for k in range(20))
+    core.on_track(update(1_215_000, track(0, nodes, confidence=0.4)))
+    request = core.frame_request()
+    assert request is not None
+    assert (request.reason, request.ids) == ("contradicted", frozenset({0}))
 
 
 def test_shapes_that_disagree_with_one_another_overrule_nothing() -> None:
     core, nodes = booted(FusionParams(overrule_votes=3))
-    assert not any(contradict(core, 170.0 if k % 2 else 240.0, 1_010_000 + 10_000 * k, nodes) for k in range(6))
+    assert not any(contradict(core, 170.0 if k % 2 else 240.0, 1_010_000 + 500_000 * k, nodes) for k in range(6))
 
 
 def test_motion_that_the_events_support_ends_a_vote() -> None:
@@ -350,3 +363,30 @@ def test_a_request_that_was_sent_is_withdrawn_when_its_dlo_moves_again() -> None
     core.on_track(update(2_300_000, track(0, nodes, moving=True)))
     assert core.withdrawn() == (request.number,)
     assert core.withdrawn() == (), "said once"
+
+
+def test_a_reset_retires_all_and_begins_with_the_next_frame_under_new_ids() -> None:
+    core, nodes = booted()
+    core.on_track(update(2_000_000, track(0, nodes)))
+    (retired,) = core.reset()
+    assert (retired.id, retired.kind) == (0, CorrectionKind.RETIRE)
+    core.on_track(update(2_002_000, track(0, nodes)))  # it was on its way
+    core.on_track(update(2_004_000))
+    request = core.frame_request()
+    assert request is not None
+    assert request.after_us >= 2_000_000
+    (born,) = core.on_segmentation(Segmentation(2_001_000, "next", (instance(nodes),)), 2_100_000, request.number)
+    assert (born.id, born.kind) == (1, CorrectionKind.REINITIALISE)
+    assert core.corrections_due() == ()
+
+
+def test_paused_the_events_go_on_alone() -> None:
+    core, nodes = booted()
+    core.pause(True)
+    assert core.on_track(update(5_000_000, track(0, nodes))).mode == Mode.DEGRADED
+    assert "paused" in core.degraded_reason
+    assert core.frame_request() is None
+    assert core.on_segmentation(Segmentation(5_000_000, "x", (instance(line(201.0)),)), now_us=5_000_000) == ()
+    core.pause(False)
+    assert core.on_track(update(5_002_000, track(0, nodes))).mode == Mode.STATIC
+    assert core.frame_request() is not None

@@ -377,7 +377,8 @@ class InextensibleDlo(CurveFilter):
         nodes, velocity, cov, visible = np.empty((m, 2)), np.empty((m, 2)), np.empty((m, 3)), np.empty(m, np.uint8)
         fastest = publish_nodes(
             self.end_s_px(0), self.end_s_px(1), self.layout.s_lo_px, self.layout.ds_px, STRIDE, self.points, self.theta,
-            self.jacobian, self.cov, self.x, self.support, p.visible_support, p.bias_px,
+            self.jacobian, self.cov, self.x, self.support, p.visible_support,
+            p.variance_share, p.bias_px,
             p.bias_end_px, p.bias_end_reach_px, self._tangent_bias_px(), self.geometry.width_px,
             self.geometry.height_px, nodes, velocity, cov, visible,
         )  # fmt: skip

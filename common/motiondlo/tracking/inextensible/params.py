@@ -133,10 +133,11 @@ class InextensibleParams(ScreeningParams):
     correction_bias_px: float = Field(1.0, ge=0.0, le=20.0, description="error that all nodes of a correction share")
 
     # honesty
+    variance_share: float = Field(0.8, ge=0.1, le=10.0, description="share of the filter's variance that is published")
     bias_px: float = Field(0.3, ge=0.0, le=5.0, description="standard deviation of what stations have in common")
     bias_end_px: float = Field(1.5, ge=0.0, le=20.0, description="what the ends may be off across beyond that")
     bias_end_reach_px: float = Field(25.0, ge=1.0, le=500.0, description="how far from an end that fades by 1/e")
-    bias_tangent_px: float = Field(3.0, ge=0.0, le=20.0, description="the same along the DLO")
+    bias_tangent_px: float = Field(2.0, ge=0.0, le=20.0, description="the same along the DLO")
     slip_px_ms: float = Field(0.15, ge=0.0, le=5.0, description="growth of that while it moves and no end is seen")
     slip_share: float = Field(0.03, ge=0.0, le=1.0, description="growth of it on the way, while no free tip is seen")
     visible_support: float = Field(0.35, ge=0.0, le=1.0, description="support above which a node counts as visible")

@@ -138,13 +138,14 @@ def place_end(  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def publish_nodes(  # type: ignore[no-untyped-def]
-    lo_px, hi_px, s_lo_px, ds_px, stride, points, theta, jacobian, cov, x, support, visible_support, bias_px,
+    lo_px, hi_px, s_lo_px, ds_px, stride, points, theta, jacobian, cov, x, support, visible_support, share, bias_px,
     bias_end_px, bias_end_reach_px, bias_tangent_px, width, height, nodes, velocity, covariance, visible,
 ):  # fmt: skip
     """Equidistant nodes from ``lo_px`` to ``hi_px`` with rates (px/s), covariance (xx, xy, yy) and visibility.
 
-    bias_px, bias_tangent_px: what all nodes may have in common, normal and along; bias_end_px: what the curve may be
-    off across at its ends, where nothing beyond holds it, fading over bias_end_reach_px inwards.
+    share: of the filter's variance that is published; bias_px, bias_tangent_px: what all nodes may have in common,
+    normal and along; bias_end_px: what the curve may be off across at its ends, where nothing beyond holds it, fading
+    over bias_end_reach_px inwards.
     nodes, velocity: (M, 2), covariance: (M, 3), visible: (M,) uint8. Returns the largest speed in px/s.
     """
     count = nodes.shape[0]
@@ -186,7 +187,7 @@ def publish_nodes(  # type: ignore[no-untyped-def]
         for c in range(2):
             velocity[q, c] = 1000.0 * ((1.0 - b) * station[a, c] + b * station[a + 1, c])
         for c in range(3):
-            covariance[q, c] = (1.0 - b) * station[a, 2 + c] + b * station[a + 1, 2 + c]
+            covariance[q, c] = share * ((1.0 - b) * station[a, 2 + c] + b * station[a + 1, 2 + c])
         g = min(max(f, 0.0), 1.0)
         angle = theta[i] + g * (theta[i + 1] - theta[i])
         tx, ty = np.cos(angle), np.sin(angle)
