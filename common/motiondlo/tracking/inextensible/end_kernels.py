@@ -11,6 +11,10 @@ import numba
 import numpy as np
 
 from motiondlo.events.bucket_kernels import COORDINATE_MASK, TIME_SHIFT, X_SHIFT, Y_MASK, Y_SHIFT, tiles_around
+from motiondlo.tracking.inextensible.rival_kernels import intensity_of, rows_around
+
+END_NEAR = 48
+"""Stations of other DLOs that are considered for one end."""
 
 LEAST_TIP_GAIN, SURE_TIP_GAIN = 0.04, 12.0
 """Of log-likelihood, per event and in all."""
@@ -213,9 +217,15 @@ def learn_patch(template, log_template, a, b, count, a_min, b_max, rate, floor):
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def collect_tip(  # type: ignore[no-untyped-def]
-    rings, heads, columns, t_us, px, py, ex, ey, vx, vy, window_ms, latency_ms, half_width_px, histogram
-):
-    """Histogram of events along the outward tangent at a tip, moved to now. Returns (count, mean age in ms)."""
+    rings, heads, columns, t_us, px, py, ex, ey, vx, vy, window_ms, latency_ms, half_width_px, rivals, block, intensity,
+    histogram,
+):  # fmt: skip
+    """Histogram of events along the outward tangent at a tip, moved to now. Returns (count, mean age in ms).
+
+    What other DLOs explain better than a tip of ``intensity`` events/px^2/ms is left out; rivals, block: see
+    :func:`motiondlo.tracking.inextensible.observe_kernels.observe_stations`.
+    """
+    near = np.empty(END_NEAR, np.int64)
     histogram[:] = 0.0
     reach = (histogram.shape[0] - 1) // 2
     oldest = window_ms + latency_ms
@@ -226,6 +236,8 @@ def collect_tip(  # type: ignore[no-untyped-def]
     )  # fmt: skip
     floor = np.int64(t_us - window_ms * 1000.0 + 1.0) << TIME_SHIFT
     size = rings.shape[1]
+    reach_px = reach + half_width_px
+    n_near = rows_around(rivals, block, px, py, vx, vy, window_ms, reach_px, near)
     count = 0
     ages = 0.0
     for r in range(r0, r1 + 1):
@@ -245,6 +257,8 @@ def collect_tip(  # type: ignore[no-untyped-def]
                 if abs(-ey * dx + ex * dy) <= half_width_px:
                     bin_ = int(np.floor(ex * dx + ey * dy + reach + 0.5))
                     if 0 <= bin_ < histogram.shape[0]:
+                        if n_near > 0 and intensity_of(rivals, near, n_near, word, latency_ms) > intensity:
+                            continue
                         histogram[bin_] += 1.0
                         count += 1
                         ages += age

@@ -23,6 +23,7 @@ from motiondlo.tracking.inextensible.filter_kernels import CONSTANTS, END_A, RAT
 from motiondlo.tracking.inextensible.held_extent import HeldExtent
 from motiondlo.tracking.inextensible.observe_kernels import BACKGROUND_SIGMAS
 from motiondlo.tracking.inextensible.params import InextensibleParams
+from motiondlo.tracking.inextensible.rivals import no_rivals
 
 _PATCH_CAPACITY = 8000
 _SURE_LOOKS = 6
@@ -39,6 +40,8 @@ _TIP_FACES = (0.0, 1.0, 3.0, 8.0, 20.0)
 """Events of a tip's own face, over those of a pixel of its silhouettes: many when it moves along itself."""
 _TIP_SEARCH_PX = 14
 _TIP_SEARCH_FAR_PX = 34
+CONCENTRATED = 3.0
+"""How much denser the events of a tip are where they are than on the mean over all its surroundings."""
 
 
 def tip_tables() -> tuple[FloatArray, FloatArray]:
@@ -104,6 +107,8 @@ class EndTracker:
         self._used_ms = p.window_max_ms
         self._tip_moves = False
         self._tip_missed = False
+        self.rivals = no_rivals()
+        self.block = 0
 
     @property
     def held(self) -> bool:
@@ -289,10 +294,11 @@ class EndTracker:
             rows.add_end(pose, (0.0, 0.0), 1.0, (1.0, lag), float(self._match[2]), sigma)
 
     def _tip_histogram(self, buckets: EventBuckets, t_us: int, pose: EndPose) -> tuple[int, float]:
+        area_px2 = 2.0 * (self.radius_px + 2.0) * len(self._histogram)
         count, age = collect_tip(
             buckets.rings, buckets.heads, buckets.columns, t_us, pose.place[0], pose.place[1], pose.outward[0],
             pose.outward[1], pose.velocity[0], pose.velocity[1], self._window_ms, self.params.latency_ms,
-            self.radius_px + 2.0, self._histogram,
+            self.radius_px + 2.0, self.rivals, self.block, CONCENTRATED * self.tip_rate / area_px2, self._histogram,
         )  # fmt: skip
         beside = 2.0 * (self.radius_px + 2.0) * self._window_ms
         beside *= buckets.background_at(float(pose.place[0]), float(pose.place[1]))

@@ -24,6 +24,9 @@ from motiondlo.tracking.inextensible.rival_kernels import (
 BINS_PER_PX = 2
 EVENT_CAPACITY = 1500
 ENOUGH = 3.0
+LEAST_EXPECTED = 8.0
+"""So many events of a half must be expected before their absence says anything."""
+SILENT_SHARE = 0.25
 BACKGROUND_SIGMAS = 2.0
 """What is counted above the background is so many standard deviations of it."""
 
@@ -69,6 +72,27 @@ def score_shifts(histogram, reversed_llr, reach_bins, flip, scores):  # type: ig
             wa, wb, wc, wd = weight[k], weight[k + 1], weight[k + 2], weight[k + 3]
             for s in range(width):
                 total[s] += wa * a[s] + wb * b[s] + wc * c[s] + wd * d[s]
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def is_one_sided(histogram, at, profile):  # type: ignore[no-untyped-def]
+    """Whether a half of the profile has far fewer events than the other one lets expect.
+
+    histogram: (2, L); profile: (2, nT), which begins at bin ``at`` of the histogram.
+    """
+    bins = profile.shape[1]
+    seen = np.zeros(2)
+    mass = np.zeros(2)
+    for g in range(2):
+        for b in range(bins):
+            half = 0 if 2 * b < bins else 1
+            seen[half] += histogram[g, at + b]
+            mass[half] += profile[g, b]
+    expected = (seen[0] + seen[1]) / max(mass[0] + mass[1], 1e-6)
+    for half in range(2):
+        if expected * mass[half] > LEAST_EXPECTED and seen[half] < SILENT_SHARE * expected * mass[half]:
+            return True
+    return False
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
@@ -257,7 +281,8 @@ def observe_stations(  # type: ignore[no-untyped-def]
                 best = value
                 at = k
         chosen = scores
-        if abs(vn[i]) < max(v_ambiguous, 2.0 * sv[i]):
+        unsure_way = abs(vn[i]) < max(v_ambiguous, 2.0 * sv[i])
+        if unsure_way:
             score_shifts(binned, padded, reach_bins, True, flipped)
             for k in range(2 * reach_bins + 1):
                 u = (k - reach_bins) * soft
@@ -270,6 +295,9 @@ def observe_stations(  # type: ignore[no-untyped-def]
             continue
         bend = chosen[at - 2] - np.float32(2.0) * chosen[at] + chosen[at + 2]
         if bend >= -0.3:
+            continue
+        # A line that passes over a DLO at rest, a shadow's rim, looks like one of its edges: the other one is silent.
+        if unsure_way and is_one_sided(binned, at, profile[i]):
             continue
         fine = (chosen[at - 2] - chosen[at + 2]) / bend
         fine = min(max(fine, -1.0), 1.0)

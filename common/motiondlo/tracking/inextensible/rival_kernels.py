@@ -87,6 +87,54 @@ def around(row, bins, at, doubt_bins):  # type: ignore[no-untyped-def]
     return best
 
 
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def rows_around(r, block, px, py, vx, vy, window_ms, reach_px, near):  # type: ignore[no-untyped-def]
+    """Rows of other blocks than ``block`` that may explain events within reach_px of a place; returns how many.
+
+    (vx, vy): motion of the place, px/ms; near: (capacity,) int64.
+    """
+    count = 0
+    for b in range(r.first.shape[0] - 1):
+        if b == block:
+            continue
+        for j in range(r.first[b], r.first[b + 1]):
+            if r.rate[j] <= 0.0 or count == near.shape[0]:
+                continue
+            dvx = r.cos[j] * r.vt[j] - r.sin[j] * r.vn[j] - vx
+            dvy = r.sin[j] * r.vt[j] + r.cos[j] * r.vn[j] - vy
+            limit = reach_px + r.half_px[j] + 0.5 * r.bins[j] / _BINS_PER_PX + window_ms * (abs(dvx) + abs(dvy))
+            dx, dy = r.p[j, 0] - px, r.p[j, 1] - py
+            if dx * dx + dy * dy < limit * limit:
+                near[count] = j
+                count += 1
+    return count
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def intensity_of(r, near, n_near, word, latency_ms):  # type: ignore[no-untyped-def]
+    """The largest intensity, events/px^2/ms, that a row of ``near`` (n_near,) has at an event (a bucket word)."""
+    x = (word >> X_SHIFT) & COORDINATE_MASK
+    y = (word >> Y_SHIFT) & Y_MASK
+    t = word >> TIME_SHIFT
+    on = (word & 1) == 1
+    largest = 0.0
+    for q in range(n_near):
+        j = near[q]
+        age = (r.t_us[j] - t) * 1e-3
+        rx, ry = x - r.p[j, 0], y - r.p[j, 1]
+        tau = rx * r.cos[j] + ry * r.sin[j] + r.vt[j] * age
+        if abs(tau) > r.half_px[j]:
+            continue
+        e = -rx * r.sin[j] + ry * r.cos[j] - 0.5 * r.kappa[j] * tau * tau
+        e += (r.vn[j] + r.omega[j] * tau) * (age + latency_ms)
+        at = int(np.floor(e * _BINS_PER_PX + 0.5 * r.bins[j]))
+        if at < 0 or at >= r.bins[j]:
+            continue
+        g = 1 if on == (r.vn[j] >= 0.0) else 0
+        largest = max(largest, r.rate[j] * around(r.profile[j, g], r.bins[j], at, r.doubt_bins[j]))
+    return largest
+
+
 @numba.njit(cache=True, nogil=True)
 def thin_out(words, d, age, sign, count):  # type: ignore[no-untyped-def]
     """Keep every ``step``-th event, so that at most SHARED_EVENTS are left. Returns (step, how many are left)."""
@@ -121,29 +169,9 @@ def share_events(  # type: ignore[no-untyped-def]
     floor = OWN_FLOOR * 0.5 / bins
     total = 0.0
     for k in range(count):
-        word = words[k]
-        x = (word >> X_SHIFT) & COORDINATE_MASK
-        y = (word >> Y_SHIFT) & Y_MASK
-        t = word >> TIME_SHIFT
-        on = (word & 1) == 1
-        others = 0.0
-        for q in range(n_near):
-            j = near[q]
-            age = (r.t_us[j] - t) * 1e-3
-            rx, ry = x - r.p[j, 0], y - r.p[j, 1]
-            tau = rx * r.cos[j] + ry * r.sin[j] + r.vt[j] * age
-            if abs(tau) > r.half_px[j]:
-                continue
-            e = -rx * r.sin[j] + ry * r.cos[j] - 0.5 * r.kappa[j] * tau * tau
-            e += (r.vn[j] + r.omega[j] * tau) * (age + latency_ms)
-            half = 0.5 * r.bins[j]
-            at = int(e * _BINS_PER_PX + half)
-            if at < 0 or at >= r.bins[j]:
-                continue
-            g = 1 if on == (r.vn[j] >= 0.0) else 0
-            others = max(others, r.rate[j] * around(r.profile[j, g], r.bins[j], at, r.doubt_bins[j]))
+        others = intensity_of(r, near, n_near, words[k], latency_ms)
         if others > 0.0:
-            at = int(d[k] * _BINS_PER_PX + middle)
+            at = int(np.floor(d[k] * _BINS_PER_PX + middle))
             own = np.float32(0.0)
             if -doubt <= at < bins + doubt:
                 own = around(profile[sign[k]], bins, at, doubt)
@@ -153,7 +181,7 @@ def share_events(  # type: ignore[no-untyped-def]
             share[k] = worth * mine / (mine + others)
         else:
             share[k] = worth
-        total += share[k]
+        total += float(share[k])
     return total
 
 

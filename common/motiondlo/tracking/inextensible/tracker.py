@@ -198,4 +198,6 @@ class InextensibleTracker:
         rivals = make_rivals([dlo.m for dlo in dlos], [dlo.profile.shape[2] for dlo in dlos])
         for block, dlo in enumerate(dlos):
             dlo.rivals, dlo.block = rivals, block
+            for end in dlo.ends:
+                end.rivals, end.block = rivals, block
             dlo.lay_out(max(self._t_us, 0))

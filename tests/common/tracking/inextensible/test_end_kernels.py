@@ -16,6 +16,7 @@ from motiondlo.tracking.inextensible.end_kernels import (
     shortest_window,
 )
 from motiondlo.tracking.inextensible.ends import tip_tables
+from motiondlo.tracking.inextensible.rivals import no_rivals
 
 A_MIN, B_MAX = -20.0, 40.0
 
@@ -141,7 +142,9 @@ def test_tip_events_are_moved_with_the_tip() -> None:
         (9_500, 96, 80, 0),  # too far across
     )
     histogram = np.zeros(81)
-    n, age = collect_tip(*buckets, 10_000, 100.0, 50.0, 1.0, 0.0, 3.0, 0.0, 4.0, 0.0, 10.0, histogram)
+    n, age = collect_tip(
+        *buckets, 10_000, 100.0, 50.0, 1.0, 0.0, 3.0, 0.0, 4.0, 0.0, 10.0, no_rivals(), 0, 0.0, histogram
+    )
     assert n == 1
     assert histogram[40 - 4] == 1.0
     assert age == pytest.approx(2.0)
@@ -171,7 +174,7 @@ def test_no_event_of_a_turned_and_moving_end_is_left_out(angle_rad: float) -> No
     dx, dy = rx + vx * age, ry + vy * age
     along, across = ex * dx + ey * dy, -ey * dx + ex * dy
     histogram = np.zeros(81)
-    n, _ = collect_tip(*buckets, 10_000, ox, oy, ex, ey, vx, vy, 4.0, latency, 10.0, histogram)
+    n, _ = collect_tip(*buckets, 10_000, ox, oy, ex, ey, vx, vy, 4.0, latency, 10.0, no_rivals(), 0, 0.0, histogram)
     want = np.bincount(np.floor(along[(np.abs(across) <= 10.0) & (np.abs(along) < 60.0)] + 60.5).astype(int))
     np.testing.assert_array_equal(histogram, want[20:101])
     assert n == histogram.sum()

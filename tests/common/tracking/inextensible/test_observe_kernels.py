@@ -10,6 +10,7 @@ from motiondlo.events.types import EVENT_DTYPE, SensorGeometry
 from motiondlo.tracking.inextensible.collect_kernels import collect_station
 from motiondlo.tracking.inextensible.observe_kernels import (
     bin_events,
+    is_one_sided,
     learn_profiles,
     observe_stations,
     score_shifts,
@@ -149,6 +150,27 @@ def test_scores_equal_a_plain_sum(flip: bool) -> None:
     for s in (-8, -1, 0, 5, 8):
         at = (d[2:] * 2 + middle + 0.5).astype(int) - s
         assert scores[s + reach] == pytest.approx(llr[1 - sign[2:] if flip else sign[2:], at].sum(), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "one_sided"), [(20, 20, False), (20, 7, False), (0, 30, True), (30, 2, True)]
+)
+def test_one_edge_alone_is_a_line_that_passes(lower: int, upper: int, one_sided: bool) -> None:
+    at = 5
+    profile = prior_profiles(np.array([120.0]), RADIUS_PX, None, PARAMS)[0]
+    bins = profile.shape[1]
+    histogram = np.zeros((2, bins + 12), np.float32)
+    for edge, count in ((-RADIUS_PX, lower), (RADIUS_PX, upper)):
+        histogram[0, at + int((bins - 1) / 2 + 2 * edge)] = count
+    assert is_one_sided(histogram, at, profile) == one_sided
+
+
+def test_a_silhouette_that_shows_no_contrast_is_not_missed() -> None:
+    profile = np.zeros((2, 61), np.float32)
+    profile[0, 46], profile[1, 14] = 0.95, 0.05
+    histogram = np.zeros((2, 61), np.float32)
+    histogram[0, 46] = 40.0
+    assert not is_one_sided(histogram, 0, profile)
 
 
 def test_profile_learns_an_edge_that_the_frame_did_not_show(bar_scene, sweep_path) -> None:

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from motiondlo.events.bucket_kernels import TIME_SHIFT, X_SHIFT, Y_SHIFT
-from motiondlo.events.types import SensorGeometry
+from motiondlo.events.buckets import EventBuckets
+from motiondlo.events.types import EVENT_DTYPE, SensorGeometry
+from motiondlo.tracking.inextensible.end_kernels import collect_tip
 from motiondlo.tracking.inextensible.params import InextensibleParams
 from motiondlo.tracking.inextensible.rival_kernels import (
     LEAST_RATE,
@@ -136,6 +138,22 @@ def test_only_what_lies_near_is_considered() -> None:
     assert rows_near(rivals, out, 1, 100.0, 160.0, 0.0, -10.0, 0.0, 3.0, 12.0, 20.0, near) == 1, (
         "they moved apart meanwhile"
     )
+
+
+@pytest.mark.parametrize("busy", [False, True])
+def test_a_tip_leaves_out_what_a_rival_explains_better(busy: bool) -> None:
+    rivals = one_rival(100.0, 2.0, 5.0)
+    events = np.zeros(2, EVENT_DTYPE)
+    events["t"], events["x"], events["y"], events["p"] = 9_000, (100, 104), (106, 118), 1
+    buckets = EventBuckets(SensorGeometry(320, 240))
+    buckets.update(events)
+    event_source = (buckets.rings, buckets.heads, buckets.columns)
+    intensity = 10.0 if busy else 0.01
+    histogram = np.zeros(81)
+    n, _ = collect_tip(
+        *event_source, 10_000, 95.0, 112.0, 1.0, 0.0, 0.0, 0.0, 4.0, 0.0, 12.0, rivals, 0, intensity, histogram
+    )  # fmt: skip
+    assert n == (2 if busy else 1)
 
 
 def bars(bar_scene: type, path_a: Callable, path_b: Callable) -> object:
