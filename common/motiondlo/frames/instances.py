@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from motiondlo.frames.appearance import sample_appearance
+from motiondlo.frames.board_edges import on_board_edge
 from motiondlo.frames.covers import Cover, cover_of
 from motiondlo.frames.edges import refine_centreline
 from motiondlo.frames.end_kinds import EndView, classify_end, may_be_hidden
@@ -91,7 +92,8 @@ def join_segments(
             outward = end_tangent(segment.centre, side, segment.width)
             view = EndView(point, outward, segment.width, segment.ends[side].found, segment.ends[side].at_border)
             # Only where there is something to be joined: it is not for nothing.
-            maybe = len(segments) > 1 and kind is EndKind.TIP and may_be_hidden(scene, view)
+            unsure = len(segments) > 1 and kind in (EndKind.TIP, EndKind.UNKNOWN)
+            maybe = unsure and (may_be_hidden(scene, view) or on_board_edge(scene, point, segment.width))
             colour = np.log(segment.palette.colour + 8.0)
             ends.append(SegmentEnd(k, side, point, outward, segment.width, colour, kind, maybe, rigid, segment.source))
     connections = connect(ends, params.merge.max_gap * scene.size[0], params.merge, cover)
