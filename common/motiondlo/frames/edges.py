@@ -47,7 +47,7 @@ class WidthSearch:
     terminator between a bright and a dark flank have edges too, but the outer ones are the DLO's."""
 
 
-USUAL = WidthSearch()
+USUAL = WidthSearch(outer_share=0.9)
 FAINT = WidthSearch(0.75, tuple(0.44 + 0.04 * k for k in range(24)), 0.9)
 """The mask holds the shadow as well."""
 WIRE = WidthSearch(0.6, tuple(0.5 + 0.1 * k for k in range(20)), 0.85)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from motiondlo.frames.appearance import sample_appearance
+from motiondlo.frames.board_edges import on_board_edge
 from motiondlo.frames.covers import Cover, cover_of
 from motiondlo.frames.edges import refine_centreline
 from motiondlo.frames.end_kinds import EndView, classify_end, may_be_hidden
@@ -25,6 +26,7 @@ FloatArray = npt.NDArray[np.float64]
 _TANGENT_W = 1.5
 _RAGGED = 0.7
 """Edge support below which short things are rather a gripper's."""
+_RULER = 0.25
 _SHARP_PX = 3.8
 """Edges up to this width belong to a DLO at rest, whatever its shading."""
 _BLUR_SIGMA = 1.5
@@ -44,8 +46,8 @@ class Dlo:
     edge_support: float
     width_spread: float
     edge_blur: float
-    straight: bool
-    """Whether each of its measured pieces is as straight as a machine's parts are."""
+    bow: float
+    """Of its measured pieces the largest: how far it leaves a straight line, over its length."""
 
 
 def end_tangent(centre: FloatArray, side: int, width: float) -> FloatArray:
@@ -91,7 +93,8 @@ def join_segments(
             outward = end_tangent(segment.centre, side, segment.width)
             view = EndView(point, outward, segment.width, segment.ends[side].found, segment.ends[side].at_border)
             # Only where there is something to be joined: it is not for nothing.
-            maybe = len(segments) > 1 and kind is EndKind.TIP and may_be_hidden(scene, view)
+            unsure = len(segments) > 1 and kind in (EndKind.TIP, EndKind.UNKNOWN)
+            maybe = unsure and (may_be_hidden(scene, view) or on_board_edge(scene, point, segment.width))
             colour = np.log(segment.palette.colour + 8.0)
             ends.append(SegmentEnd(k, side, point, outward, segment.width, colour, kind, maybe, rigid, segment.source))
     connections = connect(ends, params.merge.max_gap * scene.size[0], params.merge, cover)
@@ -158,7 +161,7 @@ def _join_from(
         float((lengths * [m.edge_support for m in members]).sum() / lengths.sum()),
         float((lengths * [m.width_spread for m in members]).sum() / lengths.sum()),
         blur,
-        all(is_straight(m.centre, params.instance) for m in members),
+        max(bow_of(m.centre) for m in members),
     )
 
 
@@ -172,13 +175,16 @@ def score_dlo(dlo: Dlo, params: FrameParams) -> float:
 
 def is_block(dlo: Dlo, params: InstanceParams) -> bool:
     """Whether it is a part of a gripper rather than a DLO: short for its width, made of pieces as straight as only
-    rigid things are or with ragged edges, attached to or hidden by something at one end, without a tip at the other.
+    rigid things are or with ragged edges, attached to or hidden by something at one end. What seems to have a tip must
+    be as straight as a ruler.
     """
-    if not {EndKind.HELD, EndKind.HIDDEN} & set(dlo.ends) or EndKind.TIP in dlo.ends:
+    if not {EndKind.HELD, EndKind.HIDDEN} & set(dlo.ends):
         return False
     if float(arc_length(dlo.centre)[-1]) >= params.block_length_w * dlo.width:
         return False
-    return dlo.edge_support < _RAGGED or dlo.straight
+    if EndKind.TIP in dlo.ends:
+        return dlo.bow < _RULER * params.block_straightness
+    return dlo.edge_support < _RAGGED or dlo.bow < params.block_straightness
 
 
 def is_arm(segment: Segment, kinds: tuple[EndKind, EndKind], params: InstanceParams) -> bool:
@@ -190,17 +196,15 @@ def is_arm(segment: Segment, kinds: tuple[EndKind, EndKind], params: InstancePar
         return False
     if EndKind.BORDER not in kinds and segment.edge_support >= _RAGGED:
         return False
-    return segment.edge_support < _RAGGED or is_straight(segment.centre, params)
+    return segment.edge_support < _RAGGED or bow_of(segment.centre) < params.block_straightness
 
 
-def is_straight(centre: FloatArray, params: InstanceParams) -> bool:
-    """Whether a curve is as straight as a machine's parts are."""
+def bow_of(centre: FloatArray) -> float:
+    """How far a curve leaves the straight line through it, over its length."""
     around = centre - centre.mean(axis=0)
     across = np.linalg.svd(around, full_matrices=False)[2][1]
     # Most of it: its followed ends may wander.
-    return float(np.percentile(np.abs(around @ across), 85.0)) < params.block_straightness * float(
-        arc_length(centre)[-1]
-    )
+    return float(np.percentile(np.abs(around @ across), 85.0)) / max(float(arc_length(centre)[-1]), 1e-9)
 
 
 def make_instance(

@@ -94,6 +94,8 @@ def is_candidate(
     if not (alignment >= params.min_alignment and (touch or ahead >= params.min_chord_alignment)):
         if one_mask:
             return not touch and bend_w(a, b, _ONE_MASK_AWAY_RAD) <= 2.0 * params.max_bend_w
+        # A plate that the empty board's picture shows hides both ends.
+        hidden |= all(end.kind in (EndKind.HELD, EndKind.HIDDEN) or end.maybe_hidden for end in (a, b))
         return hidden and alike and not touch and bend_w(a, b) <= params.max_bend_w
     if open_gap or hidden:
         return True

@@ -136,7 +136,7 @@ class MergeParams(_Params):
         default=2.0, ge=0.0, le=50.0, description="longer gaps need something that could hide the DLO"
     )
     max_width_ratio: float = Field(default=1.3, ge=1.0, le=10.0, description="widths of joined segments")
-    max_colour_jump: float = Field(default=0.5, ge=0.0, le=10.0, description="log colour of joined segments")
+    max_colour_jump: float = Field(default=0.3, ge=0.0, le=10.0, description="log colour of joined segments")
     alike_width_ratio: float = Field(
         default=1.12, ge=1.0, le=10.0, description="the same where only one end is seen to be hidden"
     )

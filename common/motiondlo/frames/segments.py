@@ -88,7 +88,9 @@ def measure_segment(
         if params.refine
         else _unrefined(smooth, width)
     )
-    if params.refine and search.outer_share < 1.0 and _NO_SUPPORT < refined.edge_support < _SURE_SUPPORT:
+    # Of the many strips of a second look most are hopeless.
+    least = -1.0 if screen is None else _NO_SUPPORT
+    if params.refine and search.outer_share < 1.0 and least < refined.edge_support < _SURE_SUPPORT:
         # The outer pair may be a shadow's.
         strongest = refine_centreline(
             scene, smooth, width, params.refine_rounds, params.smooth_length_w, replace(search, outer_share=1.0)

@@ -102,7 +102,7 @@ class FusionCore:
         """
         if self._newest is None:
             return None
-        self.degraded_reason = f"nothing from the event camera for {silent_us * 1e-6:.1f} s"
+        self.degraded_reason = f"nothing from the event camera or its tracker for {silent_us * 1e-6:.1f} s"
         return unsupported(self._newest, silent_us)
 
     def _adopt(self, update: TrackUpdate, before_us: int) -> None:

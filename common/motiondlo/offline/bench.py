@@ -36,6 +36,8 @@ Int64Array = npt.NDArray[np.int64]
 WARM_UP_UPDATES = 3000
 _STAMP = Stamp(seq=1, cell="bench", source="event-tracker", t_sent_ns=0)
 _LAST = ("publication", "fusion")
+_ELSEWHERE = ("decode", "fusion")
+"""Stages that run in processes of their own in a cell: what is left of an update is the work of the tracker's core."""
 # About what a camera's transfer holds; larger pieces would book the decoding of many batches to one of them.
 TRANSFER_BYTES = 1 << 13
 
@@ -62,6 +64,7 @@ class Timing:
             "update_ms": percentiles(update_ms),
             "update_moving_ms": percentiles(update_ms[self.moving]),
             "update_cpu_ms": percentiles(self.cpu_ns / 1e6),
+            "update_tracker_ms": percentiles(update_ms - sum(self.stages_ns[name] for name in _ELSEWHERE) / 1e6),
             "stages_ms": self._stages(np.ones(len(update_ms), np.bool_)),
             "stages_moving_ms": self._stages(self.moving),
             "events": self.events,

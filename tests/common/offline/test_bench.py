@@ -70,6 +70,8 @@ def test_document_of_a_profile():
     assert document["stages_ms"] == {"decode": {"p50": 0.005, "p99": 0.005}, "fusion": {"p50": 0.001, "p99": 0.002}}
     assert document["stages_moving_ms"]["fusion"] == {"p50": 0.002, "p99": 0.002}
     assert document["update_cpu_ms"] == {"p50": 0.004, "p99": 0.004, "max": 0.004}
+    without = timing.total_ns - timing.stages_ns["decode"] - timing.stages_ns["fusion"]
+    assert document["update_tracker_ms"]["max"] == pytest.approx(without.max() / 1e6)
     assert document["events_per_s"] == 1_000_000
 
 

@@ -27,7 +27,7 @@ SPEED = 0.02
 """The DLO moves at 1.2 m/s in the recording, for 0.4 s: 20 s here."""
 PAUSE_S = 2.5
 BACK_AGAIN_S = 1.0
-"""0.2 to 0.4 s on average, 0.7 at most on a very busy machine; a daemon that had to load from the start took 2 s."""
+"""0.2 to 0.4 s on average, 0.8 at most on a very busy machine; a daemon that had to load from the start took 2 s."""
 VICTIMS = tuple(row.name for row in PROCESSES if row.in_mesh)
 BESIDES = ("frame-capture", "segmenter")
 """The event path does not need them."""

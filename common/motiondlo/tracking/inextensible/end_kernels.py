@@ -64,7 +64,7 @@ def collect_patch(  # type: ignore[no-untyped-def]
         for r in range(r0, r1 + 1):
             for c in range(c0, c1 + 1):
                 ux, uy = 16.0 * c + 7.5 - cx, 16.0 * r + 7.5 - cy
-                if abs(ux * ex + uy * ey) > far_a or abs(-ux * ey + uy * ex) > far_b:
+                if abs(ux * ex + uy * ey) > far_a or abs(-ux * ey + uy * ex) > far_b or count == capacity:
                     continue
                 tile = r * columns + c
                 head = heads[tile]
@@ -79,14 +79,15 @@ def collect_patch(  # type: ignore[no-untyped-def]
                     dy = ry + (vy + omega * rx) * (age + latency_ms)
                     a = ex * dx + ey * dy
                     b = -ey * dx + ex * dy
-                    if a < a_min or a >= a_max or abs(b) >= b_max or (a < 0.0 and abs(b) < keep_out_px):
-                        continue
-                    if count < capacity:
-                        a_out[count] = a
-                        b_out[count] = b
-                        age_out[count] = age
-                        ages[min(int(age * 4.0), 63)] += 1
-                        count += 1
+                    # Written whether it lies inside or not: a branch would be predicted wrongly every other time.
+                    a_out[count] = a
+                    b_out[count] = b
+                    age_out[count] = age
+                    inside = (a >= a_min) & (a < a_max) & (abs(b) < b_max) & ((a >= 0.0) | (abs(b) >= keep_out_px))
+                    ages[min(int(age * 4.0), 63)] += inside
+                    count += inside
+                    if count == capacity:
+                        break
         if count >= target or longest >= window_ms:
             break
         longest = window_ms
@@ -94,11 +95,11 @@ def collect_patch(  # type: ignore[no-untyped-def]
     kept = 0
     age_sum = 0.0
     for i in range(count):
-        if age_out[i] <= window:
-            a_out[kept] = a_out[i]
-            b_out[kept] = b_out[i]
-            age_sum += age_out[i]
-            kept += 1
+        recent = age_out[i] <= window
+        a_out[kept] = a_out[i]
+        b_out[kept] = b_out[i]
+        age_sum += age_out[i] if recent else 0.0
+        kept += recent
     return kept, age_sum / max(kept, 1), window
 
 

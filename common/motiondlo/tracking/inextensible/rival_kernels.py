@@ -78,13 +78,20 @@ def rows_near(  # type: ignore[no-untyped-def]
     return count
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True, inline="always")
-def around(row, bins, at, doubt_bins):  # type: ignore[no-untyped-def]
-    """The largest value of a profile's row within ``doubt_bins`` of bin ``at``; 0 beyond the profile."""
-    best = np.float32(0.0)
-    for k in range(max(at - doubt_bins, 0), min(at + doubt_bins, bins - 1) + 1):
-        best = max(best, row[k])
-    return best
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def widen(row, bins, doubt_bins, margin, out):  # type: ignore[no-untyped-def]
+    """out (bins + 2 margin,): the largest value of a profile's ``row`` (bins,) within ``doubt_bins`` of every bin.
+
+    Bin b of the row is number ``margin`` + b of out; the row is 0 beyond its ends.
+    """
+    out[: bins + 2 * margin] = np.float32(0.0)
+    for shift in range(-doubt_bins, doubt_bins + 1):
+        first = max(-shift - margin, 0)
+        last = min(bins + margin - shift, bins)
+        part = out[margin + shift + first : margin + shift + last]
+        values = row[first:last]
+        for b in range(last - first):
+            part[b] = max(part[b], values[b])
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
@@ -131,7 +138,7 @@ def intensity_of(r, near, n_near, word, latency_ms):  # type: ignore[no-untyped-
         if at < 0 or at >= r.bins[j]:
             continue
         g = 1 if on == (r.vn[j] >= 0.0) else 0
-        largest = max(largest, r.rate[j] * around(r.profile[j, g], r.bins[j], at, r.doubt_bins[j]))
+        largest = max(largest, r.rate[j] * r.profile[j, g, at])
     return largest
 
 
@@ -167,6 +174,9 @@ def share_events(  # type: ignore[no-untyped-def]
         largest = max(largest, r.rate[near[q]])
     rate = max(rate, LEAST_RATE * largest)
     floor = OWN_FLOOR * 0.5 / bins
+    wide = np.empty((2, bins + 2 * doubt), np.float32)
+    for g in range(2):
+        widen(profile[g], bins, doubt, doubt, wide[g])
     total = 0.0
     for k in range(count):
         others = intensity_of(r, near, n_near, words[k], latency_ms)
@@ -174,9 +184,9 @@ def share_events(  # type: ignore[no-untyped-def]
             at = int(np.floor(d[k] * _BINS_PER_PX + middle))
             own = np.float32(0.0)
             if -doubt <= at < bins + doubt:
-                own = around(profile[sign[k]], bins, at, doubt)
+                own = wide[sign[k], at + doubt]
                 if both_signs:
-                    own = max(own, around(profile[1 - sign[k]], bins, at, doubt))
+                    own = max(own, wide[1 - sign[k], at + doubt])
             mine = rate * (own + floor)
             share[k] = worth * mine / (mine + others)
         else:
@@ -197,11 +207,10 @@ def lay_out(  # type: ignore[no-untyped-def]
         r.cos[j], r.sin[j] = np.cos(th[i]), np.sin(th[i])
         r.kappa[j], r.vn[j], r.vt[j], r.omega[j] = kappa[i], vn[i], vt[i], omega[i]
         r.rate[j] = density[i] if moving and active[i] else 0.0
-        r.doubt_bins[j] = int(min(max(sn[i], _LEAST_DOUBT_PX), FURTHEST_DOUBT_PX) * _BINS_PER_PX)
         r.half_px[j] = half_px
         bins = profile.shape[2]
         r.bins[j] = bins
         if r.rate[j] > 0.0:
+            doubt = int(min(max(sn[i], _LEAST_DOUBT_PX), FURTHEST_DOUBT_PX) * _BINS_PER_PX)
             for g in range(2):
-                for b in range(bins):
-                    r.profile[j, g, b] = profile[i, g, b]
+                widen(profile[i, g], bins, doubt, 0, r.profile[j, g])

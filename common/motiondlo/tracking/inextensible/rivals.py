@@ -30,10 +30,9 @@ class Rivals(NamedTuple):
     rate: FloatArray
     """Events per px and ms; 0 for a row that claims nothing."""
     half_px: FloatArray
-    doubt_bins: Int64Array
     bins: Int64Array
     profile: Float32Array
-    """(R, 2, bins of the widest)"""
+    """(R, 2, bins of the widest), its edges as wide as their place is in doubt."""
     near: Int64Array
     """(R,) scratch of whoever looks."""
 
@@ -56,5 +55,5 @@ def make_rivals(stations: list[int], bins: list[int]) -> Rivals:
 
     return Rivals(
         first, whole(), np.zeros((rows, 2)), zeros(), zeros(), zeros(), zeros(), zeros(), zeros(), zeros(), zeros(),
-        whole(), whole(), np.zeros((rows, 2, max(bins, default=1)), np.float32), whole(),
+        whole(), np.zeros((rows, 2, max(bins, default=1)), np.float32), whole(),
     )  # fmt: skip

@@ -164,7 +164,8 @@ def test_the_same_picture_again_is_no_second_opinion(bar_scene) -> None:
         assert tracker.correct(again) is None
     after = play(tracker, scene, 27, start_ms=26)
     assert np.abs(after.nodes[:, 1] - before.nodes[:, 1] - 1.0).mean() < 0.3, "it is followed"
-    np.testing.assert_allclose(after.cov_px2, before.cov_px2, rtol=0.1, atol=0.1)
+    # The ends may have turned a little: only what lies along the image's axes is compared.
+    np.testing.assert_allclose(after.cov_px2[:, [0, 2]], before.cov_px2[:, [0, 2]], rtol=0.1, atol=0.1)
 
 
 def test_a_shape_that_tells_nothing_changes_nothing_of_what_comes(bar_scene, sweep_path) -> None:
