@@ -9,7 +9,7 @@ from pathlib import Path
 from motiondlo.cameras.config import SimulatedSection
 from motiondlo.cameras.interface import Camera, CameraLost, FoundDevice, Frame
 from motiondlo.cameras.simulated import Plug, Scene
-from motiondlo.recording.layout import read_image
+from motiondlo.recording.layout import Image, read_image
 
 
 class SimulatedFrameCamera(Camera[Frame]):
@@ -33,6 +33,8 @@ class SimulatedFrameCamera(Camera[Frame]):
         self._opened_us: int | None = None
         self._taken_us = 0
         self._counter = 0
+        self._image: tuple[int, Image | None] | None = None
+        """Number and picture of the next exposure: a camera's frame arrives, it is not read from a file."""
 
     def open(self) -> None:
         """Raises CameraLost while it is unplugged."""
@@ -46,6 +48,8 @@ class SimulatedFrameCamera(Camera[Frame]):
             raise CameraLost("is not open")
         self._plug.check()
         number, exposure_us = self._next_exposure()
+        if self._image is None or self._image[0] != number:
+            self._image = number, read_image(self._scene.recording.frames[number].path)
         wait_s = (exposure_us + self._latency_us) * 1e-6 - self._now_ns() * 1e-9
         if wait_s > 0:
             self._sleep(min(wait_s, timeout_s))
@@ -55,7 +59,7 @@ class SimulatedFrameCamera(Camera[Frame]):
         self._counter += 1
         if number in self._dropped:
             return None
-        image = read_image(self._scene.recording.frames[number].path)
+        image = self._image[1]
         if image is None:
             return None
         return Frame(image, self._now_ns(), self._counter, (exposure_us - self._opened_us) * 1000)

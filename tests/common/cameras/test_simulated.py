@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from tests.common.cameras.fakes import Clock
 
 from motiondlo.bundled import bundled_recording
+from motiondlo.cameras import simulated_frames
 from motiondlo.cameras.config import SimulatedSection
 from motiondlo.cameras.interface import CameraLost, Frame
 from motiondlo.cameras.simulated import Scene
@@ -16,6 +19,7 @@ from motiondlo.events.evt3 import Evt3Decoder
 from motiondlo.events.joining import join
 from motiondlo.events.reader import read_all
 from motiondlo.events.types import SensorGeometry, TriggerArray
+from motiondlo.recording.layout import Image
 
 RISING = 1
 
@@ -105,3 +109,24 @@ def test_UNPLUGGED_for_a_while(kind: type[SimulatedEventCamera] | type[Simulated
     deadline_s = clock.s + 0.5
     while camera.read(0.1) is None:
         assert clock.s < deadline_s
+
+
+def test_a_frame_arrives_when_it_is_due_however_long_its_file_takes(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock(start_of_a_round(4.0))
+
+    def slow(path: Path) -> Image:
+        clock.s += 0.06
+        return np.zeros((4, 4, 3), np.uint8)
+
+    monkeypatch.setattr(simulated_frames, "read_image", slow)
+    section = SimulatedSection(slow_motion=4.0, frame_latency_ms=25.0)
+    camera = SimulatedFrameCamera(section, bundled_recording(), clock.ns, clock.sleep)
+    opened_us = round(clock.s * 1e6)
+    camera.open()
+    lateness_us = []
+    while len(lateness_us) < 4:
+        frame = camera.read(0.02)
+        if frame is not None:
+            lateness_us.append(frame.arrived_ns // 1000 - opened_us - frame.device_ns // 1000)
+    # A first exposure right after the camera was opened is the one that may be late.
+    assert max(lateness_us[1:]) < 27_000

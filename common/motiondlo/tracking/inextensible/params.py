@@ -21,7 +21,7 @@ class InextensibleParams(ScreeningParams):
     max_coefficients: int = Field(48, ge=8, le=80, description="most spline coefficients of one DLO")
     held_reach_px: float = Field(40.0, ge=0.0, le=100.0, description="how far a held DLO goes on beyond its seen end")
     held_report_px: float = Field(
-        4.0, ge=0.0, le=100.0, description="how much of that is published until it is seen how far it goes"
+        6.0, ge=0.0, le=100.0, description="how much of that is published until it is seen how far it goes"
     )
     border_reach_px: float = Field(260.0, ge=0.0, le=2000.0, description="how far a DLO goes on beyond the image")
     hidden_reach_px: float = Field(60.0, ge=0.0, le=500.0, description="how far a DLO goes on under a cover")
