@@ -18,7 +18,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--fuzz-seed", type=int, default=1, help="another seed tries other inputs")
     parser.addoption("--fault-rounds", type=int, default=1, help="how often every daemon is killed (thorough: 20)")
     parser.addoption("--stop-s", type=float, default=2.5, help="how long a process is stopped (thorough: 10)")
-    parser.addoption("--burst-s", type=float, default=0.4, help="length of the burst of events (thorough: 1)")
+    parser.addoption("--burst-s", type=float, default=0.8, help="length of the burst of events (thorough: 1)")
     parser.addoption("--soak-s", type=float, default=20.0, help="length of the soak test (thorough: 600)")
 
 

@@ -73,6 +73,8 @@ def record(
             for told in triggers.drain():
                 writer.add_triggers(told.triggers)
             for message in batches.drain():
+                if not message.valid and not writer.batches:
+                    continue  # sent ahead, to wake those who listen
                 geometry = SensorGeometry(message.width_px, message.height_px)
                 writer.add_batch(message.to_batch(batches.lost_before), geometry)
                 info["event"] = {"width": geometry.width_px, "height": geometry.height_px}
